@@ -44,6 +44,7 @@ setup(
         "pillow",
         "PyYAML",
         "rich",
+        "rosbags",  # reads bags of ROS 1 and ROS 2 without either, where people record and train
         "safetensors",
         "scipy",
         "tqdm",

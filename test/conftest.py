@@ -283,6 +283,73 @@ def motions() -> Motions:
     return Motions()
 
 
+class BagWriter:
+    """Writes bags of every kind: topics with messages as plain values, one tuple for each message.
+
+    bag.write(path, {"/joint_states": [(received, stamp, {"joint1": 0.1, ...}), ...]}) with times in seconds. A pose is
+    ("frame", (x, y, z, qw, qx, qy, qz)), transforms are [(parent, child, pose), ...], a marker is None, True or a text.
+    """
+
+    def write(self, path: Path, topics: dict[str, list[tuple[float, float, Any]]]) -> Path:
+        """The kind by the ending: .bag is ROS 1, .mcap a folder with that storage, others a folder of sqlite3."""
+        from rosbags import rosbag1, rosbag2
+        from rosbags.typesys import Stores, get_typestore
+
+        old = path.suffix == ".bag"
+        store = get_typestore(Stores.ROS1_NOETIC if old else Stores.ROS2_JAZZY)
+        plugin = rosbag2.StoragePlugin.MCAP if path.suffix == ".mcap" else rosbag2.StoragePlugin.SQLITE3
+        writer = rosbag1.Writer(path) if old else rosbag2.Writer(path, version=9, storage_plugin=plugin)
+        if old:
+            from rosbags.typesys import get_types_from_msg
+
+            text = "geometry_msgs/TransformStamped[] transforms"
+            store.register(get_types_from_msg(text, "tf2_msgs/msg/TFMessage"))
+        with writer:
+            for topic, rows in topics.items():
+                messages = [self._message(store, stamp, value) for _, stamp, value in rows]
+                connection = writer.add_connection(topic, messages[0].__msgtype__, typestore=store)
+                encode = store.serialize_ros1 if old else store.serialize_cdr
+                for (received, _, _), message in zip(rows, messages, strict=True):
+                    writer.write(connection, round(received * 1e9), encode(message, message.__msgtype__))
+        return path
+
+    def _message(self, store: Any, stamp: float, value: Any) -> Any:
+        types = store.types
+
+        def header(frame: str = "") -> Any:
+            nanoseconds = round(stamp * 1e9)
+            time = types["builtin_interfaces/msg/Time"](nanoseconds // 10**9, nanoseconds % 10**9)
+            kind = types["std_msgs/msg/Header"]
+            return kind(0, time, frame) if "seq" in kind.__dataclass_fields__ else kind(time, frame)
+
+        def placed(vector: str, pose: Any) -> tuple[Any, Any]:
+            x, y, z, qw, qx, qy, qz = map(float, pose)
+            turned = types["geometry_msgs/msg/Quaternion"](qx, qy, qz, qw)
+            return types[f"geometry_msgs/msg/{vector}"](x, y, z), turned
+
+        if isinstance(value, dict):
+            none = np.zeros(0)
+            return types["sensor_msgs/msg/JointState"](header(), list(value), np.array([*value.values()]), none, none)
+        if isinstance(value, tuple):
+            return types["geometry_msgs/msg/PoseStamped"](
+                header(value[0]), types["geometry_msgs/msg/Pose"](*placed("Point", value[1]))
+            )
+        if isinstance(value, list):
+            moved = types["geometry_msgs/msg/Transform"]
+            one = types["geometry_msgs/msg/TransformStamped"]
+            return types["tf2_msgs/msg/TFMessage"](
+                [one(header(parent), child, moved(*placed("Vector3", pose))) for parent, child, pose in value]
+            )
+        if value is None:
+            return types["std_msgs/msg/Empty"]()
+        return types["std_msgs/msg/Bool" if isinstance(value, bool) else "std_msgs/msg/String"](value)
+
+
+@pytest.fixture(scope="session")
+def bag() -> BagWriter:
+    return BagWriter()
+
+
 @pytest.fixture(scope="session")
 def recording(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A small file in centimetres: four reaches that bulge differently far and turn the tool."""

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from geodesic_motion_ros.studies.cli.experiment import EXPERIMENTS
+from geodesic_motion_ros.studies.experiments.registry import STUDIES
 
 PAGE = Path(__file__).resolve().parents[1] / "doc" / "paper_in_code.md"
 TEXT = PAGE.read_text()
@@ -46,7 +46,7 @@ def test_every_name_is_defined_in_its_file(name, target):
 
 @pytest.mark.parametrize("name", COMMANDS)
 def test_every_experiment_is_a_command(name):
-    assert name in EXPERIMENTS
+    assert name in STUDIES
 
 
 def test_every_formula_has_a_test_or_says_that_it_has_none():

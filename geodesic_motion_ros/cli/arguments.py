@@ -3,25 +3,38 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
+from tempfile import TemporaryFile
 from typing import TYPE_CHECKING, Any, Literal, TypeVar
 
+from geodesic_motion_ros.demonstrations.bags import BagTake
 from geodesic_motion_ros.demonstrations.demonstrations import Demonstrations
 from geodesic_motion_ros.demonstrations.joint_demonstrations import JointDemonstrations
 from geodesic_motion_ros.demonstrations.readers import (
     METRES_PER_UNIT,
     holds_joints,
+    is_mapped,
+    joint_takes,
+    pose_takes,
     read_demonstrations,
     read_joint_demonstrations,
 )
-from geodesic_motion_ros.demonstrations.recorded_tables import DEFAULT_COLUMNS
+from geodesic_motion_ros.demonstrations.recorded_tables import DEFAULT_COLUMNS, DEMONSTRATION
+from geodesic_motion_ros.demonstrations.recordings import Recording
+from geodesic_motion_ros.demonstrations.splitting import PAUSE, Split
+from geodesic_motion_ros.demonstrations.text_tables import of_poses, parse_mapping
 from geodesic_motion_ros.robot.description import DEFAULT_ROBOT
 from geodesic_motion_ros.utils.errors import GeodesicMotionError, ParameterError
 
 if TYPE_CHECKING:
     from geodesic_motion_ros.skill.skill import Skill
+
+
+#: Of recordings, by the space that is learned from them.
+RECORDING_OPTIONS = {"task": ("units", "columns"), "joint": ()}
+_RECORDINGS = {"task": "recordings of the tool", "joint": "recordings of joints"}
 
 
 @contextmanager
@@ -47,22 +60,42 @@ class HelpFormatter(argparse.ArgumentDefaultsHelpFormatter, argparse.RawDescript
 
 
 def add_recording(
-    parser: argparse.ArgumentParser, required: bool = True, several: bool = False, joints: bool = False
+    parser: argparse.ArgumentParser,
+    required: bool = True,
+    several: bool = False,
+    joints: bool = False,
+    bags: bool = False,
 ) -> None:
-    """--demos, --units, --columns and --rate; with `joints`, for recordings of joints too, --space and --robot."""
+    """--demos, and how it is read (`add_formats`); with `bags`, --bag in its place and how that is read."""
     group = parser.add_argument_group("recording")
-    group.add_argument(
-        "--demos", type=Path, required=required, metavar="FILE", nargs="+" if several else None,
-        help="recorded demonstrations: .npy (N, T, columns), .npz, or .csv with a column `demonstration`",
+    source = group.add_mutually_exclusive_group(required=required)
+    source.add_argument(
+        "--demos", type=Path, metavar="FILE", nargs="+" if several else None,
+        help="recorded demonstrations: .npy (N, T, columns), .npz, .csv with a column `demonstration`, or text "
+        "with any header, see --columns",
     )  # fmt: skip
+    if bags:
+        source.add_argument(
+            "--bag", type=Path, nargs="+", metavar="PATH",
+            help="bags with one or more demonstrations each: folders of ROS 2, or files .db3, .mcap, .bag (ROS 1)",
+        )  # fmt: skip
+    add_formats(group, required and not joints, joints)
+    if bags:
+        add_bag_options(group)
+
+
+def add_formats(group: argparse._ArgumentGroup, required: bool = False, joints: bool = False) -> None:
+    """--units, --columns and --rate; with `joints`, for recordings of joints too, --space and --robot."""
     group.add_argument(
-        "--units", choices=tuple(METRES_PER_UNIT), required=required and not joints,
-        help="of the positions; always required, a wrong guess would be off by a hundred",
+        "--units", choices=tuple(METRES_PER_UNIT), required=required,
+        help="of the positions; required for files, a wrong guess would be off by a hundred",
     )  # fmt: skip
     group.add_argument(
         "--columns", metavar="NAMES",
         help="columns of the file in their order; `t` [s] where it has times, `qx,qy,qz,qw` at the end for quaternions "
-        f"as in ROS messages, `px,py,pz` without orientation, `px,py` for a plane; {DEFAULT_COLUMNS} without it",
+        f"as in ROS messages, `px,py,pz` without orientation, `px,py` for a plane; {DEFAULT_COLUMNS} without it. Of "
+        "text with any header (.csv, .txt) our names and those of the file, the rest is passed over: "
+        "t=stamp,px=x,py=y,pz=z, or t=stamp,panda_joint1=q0,...; without demonstration=NAME it is split as a bag is",
     )  # fmt: skip
     group.add_argument(
         "--rate", type=float, default=100.0, metavar="HZ", help="samples a second of files without times"
@@ -77,43 +110,116 @@ def add_recording(
             f"the path of a folder that `geodesic-motion robot` made; {DEFAULT_ROBOT} without it")
 
 
-def recorded_space(arguments: argparse.Namespace) -> Literal["task", "joint"]:
-    """What the recording is of: what --space says, else what the file says of itself."""
-    return arguments.space or ("joint" if holds_joints(arguments.demos) else "task")
+def add_bag_options(group: argparse._ArgumentGroup) -> None:
+    """What bags have beside files: --topic, --split, --pause and --first; --strict, for both."""
+    group.add_argument(
+        "--topic", metavar="TOPIC",
+        help="of a bag: one of sensor_msgs/JointState or geometry_msgs/PoseStamped, or for transforms "
+        "/tf:BASE_FRAME:TOOL_FRAME; not needed where the bag has one of the first two alone",
+    )  # fmt: skip
+    group.add_argument(
+        "--split", metavar="HOW", default="standstill",
+        help="of a bag into demonstrations: `standstill`; a topic of markers, as /mark: std_msgs/Empty begins and ends "
+        "by turns, Bool begins with true and ends with false, String begins one of that name and ends with an empty "
+        "one; or the beginning and end of each [s], as `inspect` shows them: 3.2-9.8,14-20.5",
+    )  # fmt: skip
+    group.add_argument(
+        "--pause", type=float, default=PAUSE, metavar="SECONDS", help="standstills this long are between demonstrations"
+    )
+    group.add_argument(
+        "--first", type=int, default=1, metavar="NUMBER",
+        help="motion between standstills that is the first demonstration; those that lead back are passed over",
+    )  # fmt: skip
+    group.add_argument("--strict", action="store_true", help="refuse every flaw of a recording, repair none")
 
 
-def refuse_other_space(arguments: argparse.Namespace, space: str, options: dict[str, tuple[str, ...]]) -> None:
+def read_recorded(
+    arguments: argparse.Namespace,
+    paths: Sequence[Path],
+    of_bags: bool,
+    options: dict[str, tuple[str, ...]] = RECORDING_OPTIONS,
+) -> Recording:
+    """What a file, or bags, hold, flaws found and repaired.
+
+    options : names of those, by space, that are refused where they were given and the recording is of another space.
+
+    Raises
+    ------
+    DemonstrationError : says what cannot be used. ParameterError : an option of another space, or that is missing.
+    """
+    if of_bags:
+        if arguments.units not in (None, "m"):
+            raise ParameterError(f"--units {arguments.units}: messages have metres, nothing is scaled")
+        how = Split.parse(arguments.split, arguments.pause, arguments.first)
+        recording = Recording.of_bags(paths, arguments.topic, how, arguments.robot or DEFAULT_ROBOT)
+        space = "joint" if recording.robot else "task"
+        if arguments.space not in (None, space):
+            raise ParameterError(f"--space {arguments.space}: {paths[0]} has {_RECORDINGS[space]}")
+        refuse_other_space(arguments, space, options, paths[0])
+        return recording
+    (path,) = paths
+    space = recorded_space(arguments, path)
+    columns = arguments.columns or DEFAULT_COLUMNS
+    mapping = parse_mapping(columns) if is_mapped(path, columns) else None
+    if mapping is not None:  # of joints too
+        options = options | {"task": tuple(name for name in options["task"] if name != "columns")}
+    refuse_other_space(arguments, space, options, path)
+    if space == "joint":
+        robot = arguments.robot or DEFAULT_ROBOT
+        takes = joint_takes(path, robot, arguments.rate, columns)
+    else:
+        robot = ""
+        takes = pose_takes(path, _units(arguments, path), columns, arguments.rate)
+    if mapping is None or DEMONSTRATION in mapping:
+        return Recording.of_files(takes, robot)
+    # nothing in the file says where a demonstration begins
+    how = Split.parse(arguments.split, arguments.pause, arguments.first)
+    if how.marker:
+        raise ParameterError(f"--split {how.marker}: topics of markers are in bags; {path} is none")
+    return Recording.of_long_takes([BagTake(take, ()) for take in takes], how, robot)
+
+
+def recorded_space(arguments: argparse.Namespace, path: Path) -> Literal["task", "joint"]:
+    """What a file is a recording of: what --space says, else what the file says of itself."""
+    columns = arguments.columns or DEFAULT_COLUMNS
+    if is_mapped(path, columns):
+        return arguments.space or ("task" if of_poses(parse_mapping(columns)) else "joint")
+    return arguments.space or ("joint" if holds_joints(path) else "task")
+
+
+def refuse_other_space(
+    arguments: argparse.Namespace, space: str, options: dict[str, tuple[str, ...]], path: Path
+) -> None:
     """Refuse given options, by space, that belong to another space than the recording: ParameterError names one."""
     for other, names in options.items():
         given = [name for name in names if getattr(arguments, name) is not None]
         if other != space and given:
             option = f"--{given[0].replace('_', '-')}"
             raise ParameterError(
-                f"{option} is for {_RECORDINGS[other]}; {arguments.demos} is taken for {_RECORDINGS[space]} "
-                f"(--space {space})"
+                f"{option} is for {_RECORDINGS[other]}; {path} is taken for {_RECORDINGS[space]} (--space {space})"
             )
 
 
 def read_recording(arguments: argparse.Namespace, path: Path) -> Demonstrations:
-    """The poses of one file; DemonstrationError says what is wrong with it."""
+    """The poses of one file, as they are; DemonstrationError says what is wrong with it."""
+    return read_demonstrations(path, _units(arguments, path), arguments.columns or DEFAULT_COLUMNS, arguments.rate)
+
+
+def _units(arguments: argparse.Namespace, path: Path) -> Literal["m", "cm", "mm"]:
     if arguments.units is None:
         raise ParameterError(f"say the units of the positions in {path}: --units {', '.join(METRES_PER_UNIT)}")
-    return read_demonstrations(path, arguments.units, arguments.columns or DEFAULT_COLUMNS, arguments.rate)
+    return arguments.units
 
 
 def read_joint_recording(arguments: argparse.Namespace, path: Path) -> JointDemonstrations:
-    """The joints of one file; DemonstrationError says what is wrong with it."""
+    """The joints of one file, as they are; DemonstrationError says what is wrong with it."""
     return read_joint_demonstrations(path, arguments.robot or DEFAULT_ROBOT, arguments.rate)
 
 
-#: Of recordings, by the space that is learned from them.
-RECORDING_OPTIONS = {"task": ("units", "columns"), "joint": ()}
-_RECORDINGS = {"task": "recordings of the tool", "joint": "recordings of joints"}
-
-Recording = TypeVar("Recording", Demonstrations, JointDemonstrations)
+Demonstrated = TypeVar("Demonstrated", Demonstrations, JointDemonstrations)
 
 
-def evenly_sampled(demonstrations: Recording) -> Recording:
+def evenly_sampled(demonstrations: Demonstrated) -> Demonstrated:
     """Demonstrations with equally many samples each, as arrays in a file need: as many as the longest has."""
     return demonstrations.resampled(max(len(item) for item in demonstrations), by="time")
 
@@ -161,13 +267,15 @@ def metres(text: str) -> tuple[float, ...]:
 
 
 def writable(path: Path | None) -> None:
-    """Refuse a file that cannot be written, before anything long is begun: ParameterError."""
+    """Refuse a file that cannot be written, before anything long is begun: ParameterError. Leaves no file there."""
     if path is None:
         return
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        with path.open("a"):
-            pass
+        if path.exists():
+            path.open("a").close()
+        else:
+            TemporaryFile(dir=path.parent).close()
     except OSError as error:
         raise ParameterError(f"{path} cannot be written ({error.strerror}): give another file") from error
 

@@ -1,4 +1,4 @@
-"""`inspect`: what is in a skill."""
+"""`inspect`: what is in a skill, or in a recording before it is learned from."""
 
 from __future__ import annotations
 
@@ -11,37 +11,61 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from scipy.spatial import cKDTree
 
-from geodesic_motion_ros.cli.arguments import HelpFormatter, add_json, pictured, writable
+from geodesic_motion_ros.cli.arguments import (
+    HelpFormatter,
+    add_bag_options,
+    add_formats,
+    add_json,
+    pictured,
+    read_recorded,
+    writable,
+)
+from geodesic_motion_ros.demonstrations.bags import is_bag
+from geodesic_motion_ros.geometry.curves import arc_length
 from geodesic_motion_ros.geometry.quaternions import angle_between
-from geodesic_motion_ros.utils.tables import write_json
+from geodesic_motion_ros.utils.tables import text_table, write_json
 
 if TYPE_CHECKING:
+    from geodesic_motion_ros.demonstrations.recordings import Recording
     from geodesic_motion_ros.manifold.latent_graph import LatentGraph
     from geodesic_motion_ros.skill.skill import Skill
 
+#: Recordings in files; bags are known by `is_bag`.
+_FILES = (".csv", ".npy", ".npz", ".txt")
 _DESCRIPTION = """\
 Shows what a skill holds: what it was learned from, how well, where it begins and ends, how large its latent graph is
 and from which thresholds on the planner refuses a path. Writes the picture of its latent space; that of a joint-space
 skill has a geodesic around an obstacle on the arm besides.
+
+Of a recording (whatever `train` reads: a bag, .csv, .npy, .npz) it shows the demonstrations and everything that is
+wrong with them, each with its time and what `train` does about it; the picture has positions over time.
 """
 _EPILOG = """\
 examples:
   geodesic-motion inspect panda_pouring                 a shipped skill, by its name
   geodesic-motion inspect skills/pouring --json out/pouring.json --picture out/pouring.png
+  geodesic-motion inspect pouring.npy --units cm
+  geodesic-motion inspect reach_bag --topic /joint_states
+  geodesic-motion inspect monday.mcap --topic /tf:panda_link0:panda_hand --split /mark
 """
 
 
 def add_command(commands: argparse._SubParsersAction) -> None:
     """Add the command to the parser of the command line."""
     parser = commands.add_parser(
-        "inspect", help="what is in a skill",
+        "inspect", help="what is in a skill, or in a recording",
         description=_DESCRIPTION, epilog=_EPILOG, formatter_class=HelpFormatter,
     )  # fmt: skip
-    parser.add_argument("skill", metavar="SKILL", help="its folder, or the name of a shipped one")
+    parser.add_argument(
+        "skill", metavar="SKILL", help="its folder, or the name of a shipped one; or a recording: a file, or a bag"
+    )
     parser.add_argument(
         "--picture", type=Path, metavar="FILE", help="where its picture goes; without it out/inspect/NAME.png"
     )
     add_json(parser)
+    group = parser.add_argument_group("recording")
+    add_formats(group, joints=True)
+    add_bag_options(group)
     parser.set_defaults(run=run)
 
 
@@ -49,15 +73,68 @@ def run(arguments: argparse.Namespace) -> None:
     """Describe, print, draw."""
     from geodesic_motion_ros.skill.skill import Skill
 
-    skill = Skill.load(arguments.skill)
     writable(arguments.json)
+    path = Path(arguments.skill)
+    if is_bag(path) or path.suffix.lower() in _FILES:
+        run_recording(arguments, path)
+        return
+    skill = Skill.load(arguments.skill)
     described = describe(skill)
     _print(described)
     if arguments.json is not None:
         write_json(arguments.json, described)
-    picture = arguments.picture or Path("out/inspect") / f"{Path(arguments.skill).name}.png"
+    pictured(skill, _picture(arguments, path))
+
+
+def run_recording(arguments: argparse.Namespace, path: Path) -> None:
+    """Print the demonstrations of a recording and its flaws, and draw them. The exit status is that of `train`."""
+    from geodesic_motion_ros.visualization.recording_view import draw_recording
+
+    recording = read_recorded(arguments, (path,), of_bags=is_bag(path))
+    described = describe_recording(recording)
+    unit = "rad" if recording.robot else "m"
+    print(text_table(
+        ("demonstration", "from [s]", "to [s]", "samples", "per s", f"length [{unit}]", "learned from"),
+        [tuple(row.values()) for row in described["demonstrations"]], left=(0, 6),
+    ))  # fmt: skip
+    print()
+    rows = [tuple(flaw.values()) for flaw in described["flaws"]]
+    print(text_table(("in", "at [s]", "found", "what `train` does"), rows, left=(0, 2, 3)) if rows else "no flaws")
+    if arguments.json is not None:
+        write_json(arguments.json, described)
+    picture = _picture(arguments, path)
+    draw_recording(recording.takes, recording.motions, recording.left_out, recording.flaws, picture)
+    print(f"\nwrote its picture to {picture}")
+    recording.checked(arguments.strict)
+
+
+def describe_recording(recording: Recording) -> dict[str, list[dict[str, Any]]]:
+    """The demonstrations of a recording and its flaws, as plain values; times [s], lengths [rad] of joints or [m]."""
+    return {
+        "demonstrations": [
+            {
+                "name": take.name, "from": float(take.times[0]), "to": float(take.times[-1]), "samples": len(take),
+                "rate": float((len(take) - 1) / (take.times[-1] - take.times[0])),
+                "length": float(arc_length(take.values if take.of_joints else take.values[:, :3])[-1]),
+                "learned": "no" if take.name in recording.left_out or recording.refused else "yes",
+            }
+            for take in recording.motions
+        ],
+        "flaws": [
+            {
+                "demonstration": flaw.demonstration, "time": flaw.time, "what": flaw.what,
+                "action": f"{flaw.action.value}: {flaw.how}" if flaw.how else flaw.action.value,
+            }
+            for flaw in recording.flaws
+        ],
+    }  # fmt: skip
+
+
+def _picture(arguments: argparse.Namespace, path: Path) -> Path:
+    """Where the picture goes; its folder is there then."""
+    picture = arguments.picture or Path("out/inspect") / f"{path.name}.png"
     picture.parent.mkdir(parents=True, exist_ok=True)
-    pictured(skill, picture)
+    return picture
 
 
 def describe(skill: Skill) -> dict[str, Any]:

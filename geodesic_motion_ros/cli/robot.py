@@ -57,7 +57,7 @@ def add_command(commands: argparse._SubParsersAction) -> None:
     parser.add_argument("--limits-source", metavar="TEXT", help="where these limits are from")
     parser.add_argument("--ready", type=numbers, metavar="Q", help="a comfortable posture [rad]; proposed without it")
     parser.add_argument(
-        "--beside", type=position, action="append", default=[], metavar="JOINT=POSITION",
+        "--beside", type=position, action="append", metavar="JOINT=POSITION",
         help="where a joint beside the chain is, as a finger [rad, m]; 0 without it",
     )  # fmt: skip
     parser.set_defaults(run=run)
@@ -78,7 +78,7 @@ def run(arguments: argparse.Namespace) -> None:
     limits = {name: _each(name, getattr(arguments, name), joints) for name in ("acceleration", "jerk", "velocity")}
     made = make_robot(
         arguments.urdf, arguments.base, arguments.tip, arguments.out, Limits(source=arguments.limits_source, **limits),
-        arguments.name, arguments.ready, dict(arguments.beside),
+        arguments.name, arguments.ready, dict(arguments.beside or ()),
     )  # fmt: skip
     for link, rows in made.spheres.items():
         names = [body.name for body in made.bodies if body.link == link]

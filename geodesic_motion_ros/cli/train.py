@@ -20,8 +20,7 @@ from geodesic_motion_ros.cli.arguments import (
     add_recording,
     indices,
     pictured,
-    recorded_space,
-    refuse_other_space,
+    read_recorded,
     seed,
     writable,
 )
@@ -33,12 +32,14 @@ from geodesic_motion_ros.demonstrations.recorded_tables import (
     parse_columns,
     quaternion_order,
 )
+from geodesic_motion_ros.demonstrations.takes import Action
 from geodesic_motion_ros.skill.description import check_text
 from geodesic_motion_ros.utils.errors import ParameterError
 from geodesic_motion_ros.utils.tables import write_json
 
 if TYPE_CHECKING:
     from geodesic_motion_ros.demonstrations.demonstrations import Demonstrations
+    from geodesic_motion_ros.demonstrations.recordings import Recording
     from geodesic_motion_ros.planning.declared_scene import DeclaredScene
     from geodesic_motion_ros.skill.skill import Skill
 
@@ -60,7 +61,10 @@ Learns a skill from a handful of demonstrations of one task: a latent space with
 cross where people moved. Takes a few minutes on one core; the same seed gives the same skill, bit by bit.
 
 A recording of the tool's poses becomes a skill of poses; one of an arm's joints, a file with joint positions in
-radians as `demonstrate` writes it, becomes a joint-space skill, which moves the whole arm.
+radians as `demonstrate` writes it or a bag with joint states, becomes a joint-space skill, which moves the whole arm.
+
+What is wrong with a recording (lost samples, spikes, an interrupted demonstration, one of another task) is stated,
+and repaired or left out; `inspect` shows it before the training.
 """
 _EPILOG = """\
 With --held-out the skill is learned from the other demonstrations, and how well it predicts the held-out ones from
@@ -72,6 +76,13 @@ examples:
   geodesic-motion train --demos pouring.npy --units cm --held-out 0,3,6 --out skills/pouring_036 --json out/036.json
   geodesic-motion train --demos reach.csv --units m --columns t,px,py,pz,qx,qy,qz,qw --out skills/reach
   geodesic-motion train --demos reach.npz --space joint --out skills/reach
+  geodesic-motion train --demos log.txt --units m --columns t=stamp,px=x,py=y,pz=z --out skills/reach
+
+from bags, recorded in one go with a standstill before and after each demonstration, or marked by a topic:
+  geodesic-motion train --bag reach_bag --topic /joint_states --out skills/reach
+  geodesic-motion train --bag monday.mcap tuesday.mcap --topic /tf:panda_link0:panda_hand --out skills/pouring
+  geodesic-motion train --bag old.bag --topic /joint_states --split /mark --out skills/reach
+  geodesic-motion train --bag reach_bag --split 3.2-9.8,14-20.5 --strict --out skills/reach
 
 as the paper has it, for both kinds of recordings (by default changed where that was measured to be better); options
 beside --paper change it again:
@@ -102,7 +113,7 @@ def add_command(commands: argparse._SubParsersAction, measures: Mapping[str, Mea
         "train", help="learn a skill from demonstrations",
         description=_DESCRIPTION, epilog=_EPILOG, formatter_class=HelpFormatter,
     )  # fmt: skip
-    add_recording(parser, joints=True)
+    add_recording(parser, joints=True, bags=True)
     skill = parser.add_argument_group("skill")
     skill.add_argument("--out", type=Path, required=True, metavar="FOLDER", help="where the skill goes")
     skill.add_argument("--name", help="what it is called; without it, like its folder")
@@ -151,11 +162,14 @@ def run(arguments: argparse.Namespace, measures: Mapping[str, Measure] | None = 
 
     from geodesic_motion_ros.planning.declared_scene import DeclaredScene
 
-    space = recorded_space(arguments)
-    refuse_other_space(arguments, space, {name: module.OPTIONS for name, module in _SPACES.items()})
+    paths = tuple(arguments.bag or (arguments.demos,))
+    options = {name: module.OPTIONS for name, module in _SPACES.items()}
+    recording = read_recorded(arguments, paths, of_bags=arguments.bag is not None, options=options)
+    space = "joint" if recording.robot else "task"
+    _note_the_flaws(recording)
     training = (
         train_joint.JointTraining if space == "joint" else train_task.TaskTraining
-    ).from_arguments(arguments, _SHARED)  # fmt: skip
+    ).from_arguments(arguments, recording.checked(arguments.strict), _SHARED)  # fmt: skip
     measure = _measure(measures, space) if arguments.held_out else None
     name = arguments.out.resolve().name if arguments.name is None else arguments.name
     check_text("--name", name)
@@ -166,16 +180,16 @@ def run(arguments: argparse.Namespace, measures: Mapping[str, Measure] | None = 
     _refuse_foreign(arguments.out)
     _refuse_unwritable(arguments.out)
     writable(arguments.json)
-    print(f"{arguments.demos}: {_SPACE_NOTES[space]}")
+    print(f"{', '.join(map(str, paths))}: {_SPACE_NOTES[space]}")
     demonstrations = training.tool_demonstrations()
     extent = _extent(demonstrations)
     _note_the_recording(demonstrations, extent, space)
-    if space == "task" and demonstrations.has_orientation:
+    if space == "task" and demonstrations.has_orientation and arguments.demos is not None:
         _report_orientations(arguments, demonstrations)
     # A log that no person watches gets a line now and then.
     interval = 0.1 if sys.stderr.isatty() else 10.0
-    with tqdm(desc=arguments.demos.stem, unit="step", mininterval=interval) as bar:
-        skill = training.learn(name, _shown_on(bar), _provenance(arguments))
+    with tqdm(desc=paths[0].stem, unit="step", mininterval=interval) as bar:
+        skill = training.learn(name, _shown_on(bar), _provenance(arguments, paths))
     if scene is not None:
         skill = _recorded_in(scene, skill)
     if measure is not None:
@@ -209,8 +223,8 @@ def _recorded_in(scene: DeclaredScene, skill: Skill) -> Skill:
     return replace(skill, scene=scene.described)
 
 
-def _provenance(arguments: argparse.Namespace) -> dict[str, Any]:
-    given = {"data": arguments.demos.name, "source": arguments.source, "licence": arguments.licence}
+def _provenance(arguments: argparse.Namespace, paths: tuple[Path, ...]) -> dict[str, Any]:
+    given = {"data": ", ".join(path.name for path in paths), "source": arguments.source, "licence": arguments.licence}
     if arguments.held_out:
         given["held_out"] = list(arguments.held_out)
     return {name: value for name, value in given.items() if value is not None}
@@ -237,6 +251,19 @@ def _extent(demonstrations: Demonstrations) -> float:
     return float(np.median([np.linalg.norm(np.ptp(item.positions, axis=0)) for item in demonstrations]))
 
 
+def _note_the_flaws(recording: Recording) -> None:
+    """State what was found, and what is learned from where that is not all."""
+    for flaw in recording.flaws:
+        if flaw.action in (Action.KEPT, Action.REPAIRED, Action.LEFT_OUT):
+            _note(f"demonstration {flaw}")
+    between = [flaw for flaw in recording.flaws if flaw.action is Action.PASSED_OVER]
+    if between:
+        print(f"{len(between)} motions lead back to the start and are passed over; `inspect` lists them")
+    names = [motion.name for motion in recording.motions if motion.name not in recording.left_out]
+    if len(names) < len(recording.motions):
+        print(f"learning from {', '.join(names)}; --held-out counts these, from 0")
+
+
 def _note_the_recording(demonstrations: Demonstrations, extent: float, space: str) -> None:
     if len(demonstrations) == 1:
         _note(
@@ -250,10 +277,11 @@ def _note_the_recording(demonstrations: Demonstrations, extent: float, space: st
 
 def _report_orientations(arguments: argparse.Namespace, demonstrations: Demonstrations) -> None:
     """Print the order in which quaternions were read and how the tool points then; ask where that looks wrong."""
-    by_name = arguments.demos.suffix.lower() == ".csv"
-    order = ",".join(quaternion_order(parse_columns(arguments.columns or DEFAULT_COLUMNS)))
+    by_name = arguments.demos.suffix.lower() in (".csv", ".txt")
     if by_name:
-        order = "the header names them"
+        order = "the names of the columns say"
+    else:
+        order = ",".join(quaternion_order(parse_columns(arguments.columns or DEFAULT_COLUMNS)))
     first, last = tilts(demonstrations)
     print(
         f"quaternions read as {order}: the tool's z axis begins {first:.0f} and ends {last:.0f} deg from straight down"

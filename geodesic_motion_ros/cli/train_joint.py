@@ -7,10 +7,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
-from geodesic_motion_ros.cli.arguments import RECORDING_OPTIONS, given, read_joint_recording
-from geodesic_motion_ros.utils.errors import DemonstrationError
+from geodesic_motion_ros.cli.arguments import RECORDING_OPTIONS, given
 
 if TYPE_CHECKING:
     from geodesic_motion_ros.demonstrations.demonstrations import Demonstrations
@@ -18,9 +15,6 @@ if TYPE_CHECKING:
     from geodesic_motion_ros.learning.settings import JointTrainingSettings
     from geodesic_motion_ros.robot.kinematics import Robot
     from geodesic_motion_ros.skill.skill import Skill
-
-# A demonstration whose joints all stay within this [rad] of where they begin does not move.
-_STILL = 0.02
 
 _SETTINGS = ("latent_dimension", "volume_weight", "body_sigma")
 #: What only recordings of joints have.
@@ -54,18 +48,17 @@ class JointTraining:
     settings: JointTrainingSettings
 
     @classmethod
-    def from_arguments(cls, arguments: argparse.Namespace, shared: tuple[str, ...]) -> JointTraining:
-        """Read and check; `shared` are the names of the options that all spaces have."""
+    def from_arguments(
+        cls, arguments: argparse.Namespace, demonstrations: JointDemonstrations, shared: tuple[str, ...]
+    ) -> JointTraining:
+        """Read the settings; `shared` are the names of the options that all spaces have."""
         from geodesic_motion_ros.learning.settings import JointTrainingSettings
         from geodesic_motion_ros.robot.kinematics import Robot
 
         settings_of = JointTrainingSettings.paper if arguments.paper else JointTrainingSettings
         metric = replace(settings_of().metric, **given(arguments, "sigma_weight", "joint_weight"))
-        demonstrations = read_joint_recording(arguments, arguments.demos)
         settings = settings_of(metric=metric, **given(arguments, *shared, *_SETTINGS))
-        training = cls(demonstrations, Robot.named(demonstrations.robot), arguments.held_out or (), settings)
-        refuse_motionless(training.learned_from)
-        return training
+        return cls(demonstrations, Robot.named(demonstrations.robot), arguments.held_out or (), settings)
 
     @property
     def learned_from(self) -> JointDemonstrations:
@@ -81,13 +74,3 @@ class JointTraining:
 
         return train_joint_space_skill(self.learned_from, self.robot, self.settings, name, progress, provenance)
 
-
-def refuse_motionless(demonstrations: JointDemonstrations) -> None:
-    """Refuse what nothing can be learned from: DemonstrationError names the demonstration that does not move."""
-    for item in demonstrations:
-        turned = float(np.abs(item.configurations - item.configurations[0]).max())
-        if turned < _STILL:
-            raise DemonstrationError(
-                f"demonstration '{item.name}' does not move: its joints turn by {turned:.2g} rad at most; leave it out "
-                "of the file"
-            )

@@ -39,7 +39,7 @@ from geodesic_motion_ros.visualization.plots import (
 RADIUS, SPEED, BEFORE = 0.055, 0.10, 0.45
 #: It comes to rest this long [s] after the undisturbed elbow would have been there. Its surface is in the path seconds
 #: before: the elbow has set out by then, and has time to turn back.
-LATE = 1.2
+LATE = 1.7
 #: A family counts as taken where its mean path has more than this share; where families begin and end alike, none has.
 _TAKEN_SHARE = 0.9
 #: Recorded instants that are looked up in the latent space [1/s].

@@ -34,8 +34,8 @@ def columns(array: np.ndarray, names: Sequence[str], demonstration: str) -> np.n
     return copy
 
 
-def increasing_times(times: np.ndarray, demonstration: str) -> np.ndarray:
-    """A float64 copy of times (T,) [s], within LATEST_TIME and strictly increasing; DemonstrationError otherwise."""
+def times_in_seconds(times: np.ndarray, demonstration: str) -> np.ndarray:
+    """A float64 copy of times (T,) [s], finite and within LATEST_TIME; DemonstrationError otherwise."""
     copy = columns(np.reshape(times, (-1, 1)), ("t",), demonstration)[:, 0]
     late = np.flatnonzero(np.abs(copy) > LATEST_TIME)
     if len(late):
@@ -43,6 +43,12 @@ def increasing_times(times: np.ndarray, demonstration: str) -> np.ndarray:
             f"demonstration '{demonstration}', sample {late[0]}, column t: {copy[late[0]]:.4g} s is beyond "
             f"{LATEST_TIME:g} s; times must be in seconds"
         )
+    return copy
+
+
+def increasing_times(times: np.ndarray, demonstration: str) -> np.ndarray:
+    """A float64 copy of times (T,) [s], within LATEST_TIME and strictly increasing; DemonstrationError otherwise."""
+    copy = times_in_seconds(times, demonstration)
     falls = np.flatnonzero(np.diff(copy) <= 0.0)
     if len(falls):
         sample = falls[0] + 1

@@ -61,7 +61,7 @@ class Demonstration:
             )
         check_samples(len(positions), self.name)
         _check_reach(positions, self.name)
-        _check_norms(quaternions, self.name)
+        check_norms(quaternions, self.name)
         self._freeze(positions, continuous_signs(normalise(quaternions)), times)
 
     def _freeze(self, positions: np.ndarray, quaternions: np.ndarray, times: np.ndarray) -> None:
@@ -179,7 +179,10 @@ def _check_reach(positions: np.ndarray, demonstration: str) -> None:
         )
 
 
-def _check_norms(quaternions: np.ndarray, demonstration: str) -> None:
+def check_norms(quaternions: np.ndarray, demonstration: str) -> None:
+    """Refuse quaternions (T, 4) that are zero or not of unit length, (T, 0) are none: DemonstrationError."""
+    if not quaternions.shape[1]:
+        return
     norms = np.linalg.norm(quaternions, axis=1)
     bad = np.flatnonzero(np.abs(norms - 1.0) > UNIT_NORM_TOLERANCE)
     if len(bad):

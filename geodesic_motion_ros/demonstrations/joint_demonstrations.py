@@ -168,7 +168,10 @@ class JointDemonstrations:
                 try:
                     robot.checked(configuration)
                 except RobotError as error:
-                    raise DemonstrationError(f"demonstration '{item.name}', sample {sample}: {error}") from error
+                    radians = np.radians(configuration)
+                    degrees = np.all((radians >= robot.lower) & (radians <= robot.upper))
+                    hint = "; are these degrees? Joints are recorded in radians" if degrees else ""
+                    raise DemonstrationError(f"demonstration '{item.name}', sample {sample}: {error}{hint}") from error
 
 
 def _tool_demonstration(item: JointDemonstration, robot: Robot) -> Demonstration:

@@ -2,18 +2,22 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal
+from typing import Literal
 
 import numpy as np
 
-from geodesic_motion_ros.demonstrations.demonstrations import Demonstration, Demonstrations
+from geodesic_motion_ros.demonstrations.checks import check_samples
+from geodesic_motion_ros.demonstrations.demonstrations import Demonstration, Demonstrations, check_norms
 from geodesic_motion_ros.demonstrations.joint_demonstrations import JointDemonstration, JointDemonstrations
 from geodesic_motion_ros.demonstrations.recorded_tables import (
     DEFAULT_COLUMNS,
     DEMONSTRATION,
     POSITION,
     QUATERNION,
+    SHORT,
     TIME,
     Table,
     joint_tables,
@@ -21,11 +25,12 @@ from geodesic_motion_ros.demonstrations.recorded_tables import (
     parse_columns,
     pose_tables,
 )
+from geodesic_motion_ros.demonstrations.takes import POSE, Take
+from geodesic_motion_ros.demonstrations.text_tables import parse_mapping, text_tables
+from geodesic_motion_ros.geometry.curves import arc_length
+from geodesic_motion_ros.geometry.quaternions import continuous_signs
 from geodesic_motion_ros.utils.checked_numbers import ARM_REACH
 from geodesic_motion_ros.utils.errors import DemonstrationError, FileError
-
-if TYPE_CHECKING:
-    from geodesic_motion_ros.robot.kinematics import Robot
 
 Units = Literal["m", "cm", "mm"]
 METRES_PER_UNIT: dict[str, float] = {"m": 1.0, "cm": 1e-2, "mm": 1e-3}
@@ -48,7 +53,8 @@ def read_demonstrations(
         others are those of `columns`, in any order; `t` may always be among them.
     units : "m", "cm" or "mm", of the positions.
     columns : names of the columns, separated by commas, in the order of the file: `px,py,pz,qw,qx,qy,qz`, with `t` [s]
-        where the file has times. `px,py,pz` alone: no orientation. `px,py` alone: planar, at z = 0.
+        where the file has times. `px,py,pz` alone: no orientation. `px,py` alone: planar, at z = 0. Of text with any
+        header (`.txt`, `.csv`) our names and those of the file: `t=stamp,px=x,py=y,pz=z`.
     rate_hz : samples a second of files that have no times.
 
     Returns
@@ -62,15 +68,32 @@ def read_demonstrations(
         Says which file, demonstration, sample and column cannot be used, and what would be right.
     """
     path = Path(path)
+    takes = pose_takes(path, units, columns, rate_hz)
+    with _naming(path):
+        return demonstrations_of(takes)
+
+
+def pose_takes(path: Path, units: Units, columns: str = DEFAULT_COLUMNS, rate_hz: float = 100.0) -> list[Take]:
+    """The same as it was recorded, in metres: one take for each demonstration, its times not checked."""
     scale = _metres_per(units)
-    tables = pose_tables(path, parse_columns(columns), rate_hz)
+    if is_mapped(path, columns):
+        tables = text_tables(path, parse_mapping(columns))
+    else:
+        tables = pose_tables(path, parse_columns(columns), rate_hz)
     _check_reach(tables, scale, units, path)
-    try:
-        items = tuple(_demonstration(name, table, scale, rate_hz) for name, table in tables.items())
-    except DemonstrationError as error:
-        raise DemonstrationError(f"{path}: {error}") from error
-    _check_motion(items, scale, units, path)
-    return Demonstrations(items, has_orientation=all(QUATERNION[0] in table for table in tables.values()))
+    with _naming(path):
+        takes = [_pose_take(name, table, scale, rate_hz) for name, table in tables.items()]
+        for take in takes:
+            check_samples(len(take), take.name)
+            check_norms(take.values[:, 3:], take.name)
+    _check_motion(takes, scale, units, path)
+    return takes
+
+
+def demonstrations_of(takes: Sequence[Take]) -> Demonstrations:
+    """Those of takes of poses, one each; DemonstrationError names what cannot be used."""
+    oriented = all(len(take.names) == len(POSE) for take in takes)
+    return Demonstrations(tuple(map(_demonstration, takes)), has_orientation=oriented)
 
 
 def read_joint_demonstrations(path: str | Path, robot: str, rate_hz: float = 100.0) -> JointDemonstrations:
@@ -97,19 +120,45 @@ def read_joint_demonstrations(path: str | Path, robot: str, rate_hz: float = 100
         Says which file, demonstration, sample and joint cannot be used, and what would be right: joints of another
         robot, joints outside their limits (degrees are), and what `read_demonstrations` refuses.
     """
+    path = Path(path)
+    takes = joint_takes(path, robot, rate_hz)
+    with _naming(path):
+        return joint_demonstrations_of(takes, robot)
+
+
+def joint_takes(path: Path, robot: str, rate_hz: float = 100.0, columns: str = DEFAULT_COLUMNS) -> list[Take]:
+    """The same as it was recorded: one take for each demonstration, joints as the robot's, times not checked.
+
+    columns : of text with any header, our names and those of the file; of other files nothing.
+    """
     # compiled kernels, which readers of poses and the help of the command line do without
     from geodesic_motion_ros.robot.kinematics import Robot
 
-    path = Path(path)
+    names = Robot.named(robot).joint_names
+    mapped = is_mapped(path, columns)
+    tables = text_tables(path, parse_mapping(columns), names) if mapped else joint_tables(path, names, robot, rate_hz)
+    with _naming(path):
+        return [
+            Take(name, _times(table, len(table[names[0]]), rate_hz), np.array([table[one] for one in names]).T, names)
+            for name, table in tables.items()
+        ]
+
+
+def joint_demonstrations_of(takes: Sequence[Take], robot: str) -> JointDemonstrations:
+    """Those of takes of a robot's joints, one each; DemonstrationError names what cannot be used."""
+    from geodesic_motion_ros.robot.kinematics import Robot
+
+    items = tuple(JointDemonstration(take.values, take.times, take.name) for take in takes)
     arm = Robot.named(robot)
-    tables = joint_tables(path, arm.joint_names, robot, rate_hz)
-    try:
-        items = tuple(_joint_demonstration(name, table, arm, rate_hz) for name, table in tables.items())
-        demonstrations = JointDemonstrations(items, arm.joint_names, robot)
-        demonstrations.check_robot(arm)
-    except DemonstrationError as error:
-        raise DemonstrationError(f"{path}: {error}") from error
+    demonstrations = JointDemonstrations(items, arm.joint_names, robot)
+    demonstrations.check_robot(arm)
     return demonstrations
+
+
+def is_mapped(path: Path, columns: str) -> bool:
+    """Whether a file is read as text with any header: a csv whose columns have other names, or other text."""
+    renamed = "=" in columns or not SHORT.keys().isdisjoint(name.strip() for name in columns.split(","))
+    return path.suffix.lower() == ".txt" or (renamed and path.suffix.lower() == ".csv")
 
 
 def holds_joints(path: str | Path) -> bool:
@@ -140,23 +189,34 @@ def _positions(table: Table, scale: float) -> np.ndarray:
     return scale * np.stack([table.get(name, zeros) for name in POSITION], axis=1)
 
 
-def _demonstration(name: str, table: Table, scale: float, rate_hz: float) -> Demonstration:
-    positions = _positions(table, scale)
-    samples = len(positions)
+@contextmanager
+def _naming(path: Path) -> Iterator[None]:
+    """Errors name the file; those that do already stay as they are."""
+    try:
+        yield
+    except DemonstrationError as error:
+        if str(error).startswith(str(path)):
+            raise
+        raise DemonstrationError(f"{path}: {error}") from error
+
+
+def _pose_take(name: str, table: Table, scale: float, rate_hz: float) -> Take:
+    columns = [_positions(table, scale)]
     if QUATERNION[0] in table:
-        quaternions = np.stack([table[column] for column in QUATERNION], axis=1)
-    else:
-        quaternions = np.tile([1.0, 0.0, 0.0, 0.0], (samples, 1))
-    return Demonstration(positions, quaternions, _times(table, samples, rate_hz), name)
+        columns.append(continuous_signs(np.stack([table[column] for column in QUATERNION], axis=1)))
+    values = np.hstack(columns)
+    return Take(name, _times(table, len(values), rate_hz), values, POSE[: values.shape[1]])
+
+
+def _demonstration(take: Take) -> Demonstration:
+    quaternions = take.values[:, 3:]
+    if not quaternions.shape[1]:
+        quaternions = np.tile([1.0, 0.0, 0.0, 0.0], (len(take), 1))
+    return Demonstration(take.values[:, :3], quaternions, take.times, take.name)
 
 
 def _times(table: Table, samples: int, rate_hz: float) -> np.ndarray:
     return table[TIME] if TIME in table else np.arange(samples) / rate_hz
-
-
-def _joint_demonstration(name: str, table: Table, robot: Robot, rate_hz: float) -> JointDemonstration:
-    configurations = np.stack([table[joint] for joint in robot.joint_names], axis=1)
-    return JointDemonstration(configurations, _times(table, len(configurations), rate_hz), name)
 
 
 def _check_reach(tables: dict[str, Table], scale: float, units: str, path: Path) -> None:
@@ -173,11 +233,11 @@ def _check_reach(tables: dict[str, Table], scale: float, units: str, path: Path)
             )
 
 
-def _check_motion(items: tuple[Demonstration, ...], scale: float, units: str, path: Path) -> None:
+def _check_motion(takes: Sequence[Take], scale: float, units: str, path: Path) -> None:
     """Refuse units under which the whole task shrinks to a few millimetres."""
-    longest = max(item.length for item in items)
+    longest = max(float(arc_length(take.values[:, :3])[-1]) for take in takes)
     if longest < SHORTEST_MOTION:
-        farthest = max(float(np.linalg.norm(item.positions, axis=1).max()) for item in items)
+        farthest = max(float(np.linalg.norm(take.values[:, :3], axis=1).max()) for take in takes)
         raise DemonstrationError(
             f"{path}: read in {units}, no demonstration moves more than {longest * 1e3:.3g} mm; "
             f"{_other_units(farthest / scale, units)}"

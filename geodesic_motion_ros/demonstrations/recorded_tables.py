@@ -21,6 +21,8 @@ from geodesic_motion_ros.utils.errors import DemonstrationError, FileError
 TIME = "t"
 POSITION = ("px", "py", "pz")
 QUATERNION = ("qw", "qx", "qy", "qz")
+SHORT = {"x": "px", "y": "py", "z": "pz"}
+"""What positions may be called beside."""
 DEFAULT_COLUMNS = "px,py,pz,qw,qx,qy,qz"
 DEMONSTRATION = "demonstration"
 
@@ -92,7 +94,7 @@ def _read_tables(path: Path, readers: Mapping[str, Reader], names: tuple[str, ..
 
 def parse_columns(columns: str) -> tuple[str, ...]:
     """Column names out of "px,py,...". DemonstrationError names unknown, repeated and missing ones."""
-    names = tuple(name.strip() for name in columns.split(","))
+    names = tuple(SHORT.get(name.strip(), name.strip()) for name in columns.split(","))
     known = (TIME, *POSITION, *QUATERNION)
     unknown = [name for name in names if name not in known]
     if unknown:
@@ -102,7 +104,7 @@ def parse_columns(columns: str) -> tuple[str, ...]:
     repeated = [name for name in names if names.count(name) > 1]
     if repeated:
         raise DemonstrationError(f"column {repeated[0]} stands more than once in '{columns}'")
-    _check_complete(names, f"'{columns}'")
+    check_complete(names, f"'{columns}'")
     return names
 
 
@@ -111,7 +113,7 @@ def quaternion_order(names: tuple[str, ...]) -> tuple[str, ...]:
     return tuple(name for name in names if name in QUATERNION) or QUATERNION
 
 
-def _check_complete(names: tuple[str, ...], where: str) -> None:
+def check_complete(names: tuple[str, ...], where: str) -> None:
     """Allowed: px,py - px,py,pz - px,py,pz and the whole quaternion; each with or without t."""
     needed = POSITION[:2] if set(names) <= {TIME, *POSITION[:2]} else POSITION
     if set(names) & set(QUATERNION):
@@ -194,7 +196,7 @@ def _named_arrays(arrays: dict[str, np.ndarray], order: tuple[str, ...], path: P
     if "times" in arrays:
         stacked.append(_times_of_each(arrays["times"], positions.shape[:2], path)[..., None])
         names = (*names, TIME)
-    _check_complete(names, str(path))
+    check_complete(names, str(path))
     return _split_array(np.concatenate(stacked, axis=2), names, path)
 
 

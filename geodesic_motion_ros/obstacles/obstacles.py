@@ -73,17 +73,17 @@ class Obstacles:
         )  # fmt: skip
 
     @cached_property
-    def stand(self) -> bool:
+    def is_static(self) -> bool:
         """Whether none of them moves."""
         return not (self.velocities.any() or self.solid_velocities.any())
 
     @cached_property
-    def at_rest(self) -> Obstacles:
+    def static_subset(self) -> Obstacles:
         """Those alone that stand."""
         return self._only(~np.any(self.velocities, axis=1), ~np.any(self.solid_velocities, axis=1), self.cloud)
 
     @cached_property
-    def in_motion(self) -> Obstacles:
+    def moving_subset(self) -> Obstacles:
         """Those alone that move."""
         moving = np.any(self.velocities, axis=1), np.any(self.solid_velocities, axis=1)
         return self._only(*moving, DistanceField.none())
@@ -146,9 +146,9 @@ class Obstacles:
             np.array_equal(getattr(self, name), getattr(other, name)) for name in names
         )
 
-    def unmoved_in(self, later: Obstacles) -> bool:
+    def is_unchanged(self, later: Obstacles) -> bool:
         """Whether a later scene has the same obstacles at the same places, and none of both moves."""
-        return self.same_places(later) and self.stand and later.stand
+        return self.same_places(later) and self.is_static and later.is_static
 
     def distinct(self) -> Obstacles:
         """In an order of their own: what is published twice, by two sensors, is one obstacle."""
@@ -192,7 +192,7 @@ class Obstacles:
 
     def throughout(self, duration: float) -> Obstacles:
         """Each of them so large that it covers where it is from its time on for so long [s]."""
-        if duration == 0.0 or self.stand:
+        if duration == 0.0 or self.is_static:
             return self
         half = 0.5 * duration
         solids = self.solids.copy()
@@ -232,7 +232,7 @@ class Obstacles:
 
         count : instants at which they are taken, the first now, the last at its end.
         """
-        if self.stand:
+        if self.is_static:
             return self
         return self._along(np.full(len(self.radii), prediction), np.full(len(self.solids), prediction), count)
 
@@ -249,7 +249,7 @@ class Obstacles:
 
         count : so many of each, enlarged so that nothing between two of them is left out.
         """
-        if self.stand:
+        if self.is_static:
             return self
         seen = self._moved_on(-self.ages, -self.solid_ages, self.time)
         by, solids_by = self.ages + duration, self.solid_ages + duration

@@ -56,13 +56,13 @@ def clearances_until(
     """`clearances_in_motion` where what moves is not counted after the horizon; until then spheres that have come to
     rest stand there, and what is nearer then counts in the last interval.
     """
-    clearance, nearest = clearances_in_motion(times, placed, bulges, radii, spheres, obstacles.at_rest, horizon)
+    clearance, nearest = clearances_in_motion(times, placed, bulges, radii, spheres, obstacles.static_subset, horizon)
     if times[-1] < horizon:
         times, placed = np.append(times, horizon), np.concatenate([placed, placed[-1:]])
         bulges = np.concatenate([bulges, np.zeros_like(bulges[-1:])])
     knots = max(2, int(np.searchsorted(times, horizon)) + 1)
     moving, by = clearances_in_motion(
-        times[:knots], placed[:knots], bulges[: knots - 1], radii, spheres, obstacles.in_motion, horizon
+        times[:knots], placed[:knots], bulges[: knots - 1], radii, spheres, obstacles.moving_subset, horizon
     )
     if len(moving) > len(clearance):
         last = len(moving) - 1 if moving[-1] < moving[-2] else len(moving) - 2

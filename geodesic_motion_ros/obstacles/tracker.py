@@ -18,24 +18,10 @@ import numpy as np
 from geodesic_motion_ros.geometry.distance_field import DistanceField
 from geodesic_motion_ros.geometry.shapes import no_solids
 from geodesic_motion_ros.obstacles.obstacles import Obstacles
-from geodesic_motion_ros.obstacles.velocity_filter import SAME_INSTANT, ObstacleMotion
+from geodesic_motion_ros.obstacles.track import REORDER_WINDOW, MessageOrder, Track
+from geodesic_motion_ros.obstacles.velocity_filter import ObstacleMotion
 
 Key = tuple[str, int]
-
-# What was taken up to so long [s] before the newest was overtaken by it; further back, the sender's clock was set back,
-# and so it was where so many in a row go on behind the newest, one after the other.
-REORDER_WINDOW, _GOING_ON = 1.0, 3
-
-# What moves and is not published again for so long [s] may have come to a stand anywhere since: at places that are so
-# far apart [m] at most, each enlarged so that nothing between them is left out, but no more than so many.
-MOTION_LASTS, _APART, _MOST_PLACES = 0.3, 0.05, 16
-# Until it is published again the stretch grows every so often [s], up to what it comes to in so long [s].
-_GROWS_EVERY, _GROWS_FOR = 0.05, 2.0
-# What stands is published larger by this share of the noise of one detection, so that it can stay as it is.
-_SLACK = 0.25
-# What was in transit for longer [s] tells nothing of now, or two clocks do not agree: nothing is expected to have moved
-# on meanwhile. With clocks that do not agree, a prediction would put obstacles where they never were.
-LONGEST_TRANSIT = 1.0
 
 
 @dataclass(frozen=True)
@@ -106,132 +92,23 @@ class ObstacleSet:
         )  # fmt: skip
 
 
-class _Order:
-    """Which of the messages about one thing were overtaken, by when they were taken [s]."""
-
-    def __init__(self) -> None:
-        self._newest = self._behind = -math.inf
-        self._count = 0
-
-    def register(self, taken: float) -> bool:
-        """Register a message by when it was taken; returns whether it was overtaken, and is to be ignored."""
-        behind = self._newest - taken
-        if not SAME_INSTANT <= behind < REORDER_WINDOW:
-            self._newest, self._count = (self._newest if 0.0 < behind < SAME_INSTANT else taken), 0
-            return False
-        self._count = self._count + 1 if taken > self._behind else 1
-        self._behind = taken
-        if self._count < _GOING_ON:
-            return True
-        self._newest, self._count = taken, 0
-        return False
-
-
-@dataclass
-class _Track:
-    centre: tuple[float, float, float]
-    radius: float
-    arrival: float
-    taken: float
-    expires: float
-    solid: np.ndarray | None = None
-    motion: ObstacleMotion = field(default_factory=ObstacleMotion)
-    order: _Order = field(default_factory=_Order)
-    deleted: bool = False
-
-    @property
-    def moves(self) -> bool:
-        return not self.deleted and self.motion.moves
-
-    @property
-    def since(self) -> float:
-        """When it was where it was published to be, as far as its motion goes."""
-        return self.taken if self.arrival - self.taken <= LONGEST_TRANSIT else self.arrival
-
-    def placed(self, before: _Track | None) -> _Track:
-        """Where it is by its motion, out of where it was detected.
-
-        What stands keeps the place where it was published, as long as that contains the new one and is larger by twice
-        `_SLACK` at most: a planner goes on with a search among what does not change.
-        """
-        motion = self.motion
-        if not motion.place_error:
-            return self
-        stands = not any(motion.velocity)
-        placed = self._moved(np.subtract(motion.place, self.centre), motion.place_error)
-        if not stands:
-            return placed
-        if before is not None and before.covers(placed, 2.0 * _SLACK * motion.noise.deviation):
-            return replace(self, centre=before.centre, radius=before.radius, solid=before.solid)
-        return placed._moved(np.zeros(3), _SLACK * motion.noise.deviation)
-
-    def covers(self, other: _Track, by: float) -> bool:
-        """Whether it contains another and is larger by so much [m] at most."""
-        off = math.dist(self.centre, other.centre)
-        if self.solid is None or other.solid is None:
-            return self.solid is other.solid and off <= self.radius - other.radius <= by
-        # A point of a box is off by what the extents are off, and by what the rotation turns it: both singular values
-        # of the difference of two rotations that are not zero are the same.
-        turned = math.sqrt(0.5) * np.linalg.norm(self.solid[7:] - other.solid[7:])
-        off += np.linalg.norm(self.solid[3:6] - other.solid[3:6]) + turned * np.linalg.norm(other.solid[3:6])
-        return off <= self.solid[6] - other.solid[6] <= by
-
-    def places(self, now: float) -> list[_Track]:
-        """Itself, and, once it is not published any more, where it may have come to a stand since it was last seen."""
-        if not self.doubted(now):
-            return [self]
-        passed = min(now + _GROWS_EVERY - self.since, _GROWS_FOR)
-        reach, grown = passed * np.array(self.motion.velocity), passed * self.motion.error
-        length = float(np.linalg.norm(reach))
-        count = min(2 + int(length / _APART), _MOST_PLACES)
-        half = 0.5 * length / (count - 1)
-        return [self, *(self._standing(share * reach, half, share * grown) for share in np.linspace(0.0, 1.0, count))]
-
-    def doubted(self, now: float) -> bool:
-        """Whether it moved and has not been published for too long."""
-        return now >= self.arrival + MOTION_LASTS and self.moves
-
-    def changes(self, now: float) -> float:
-        """When `places` changes by itself [s], inf for never."""
-        if not self.moves:
-            return math.inf
-        if not self.doubted(now):
-            return self.arrival + MOTION_LASTS
-        return now + _GROWS_EVERY if now < self.since + _GROWS_FOR else math.inf
-
-    def _standing(self, shift: np.ndarray, half: float, grown: float) -> _Track:
-        """Where it stands after a shift (3,) [m], enlarged by half of the distance to the next place [m] and by how far
-        off its line it may be there [m].
-        """
-        there = self._moved(shift, half + grown)
-        return replace(there, radius=math.hypot(self.radius + grown, half), motion=ObstacleMotion())
-
-    def _moved(self, shift: np.ndarray, by: float) -> _Track:
-        """After a shift (3,) [m], and larger by so much [m]."""
-        solid = None if self.solid is None else self.solid.copy()
-        if solid is not None:
-            solid[:3] += shift
-            solid[6] += by
-        return replace(self, centre=tuple((self.centre + shift).tolist()), radius=self.radius + by, solid=solid)
-
-
 class ObstacleTracker:
     """Book-keeping of obstacles by source and key: replacement, deletion, lifetime, silence.
 
     A source is expected to keep talking from its first message on. It is *silent* when it has not been
     heard for longer than a timeout, whether or not its obstacles have expired meanwhile: a dead detector
     must not look like a free table. It is *late* when it talks of what is longer ago than that. A source that deletes
-    its last obstacle has said goodbye and is not expected to talk again. A source is *unusable* as long as nothing that
+    its last obstacle is inactive, and not expected to talk again. A source is *unusable* as long as nothing that
     it sent could be used: something is there, and nobody knows where.
 
     Parameters
     ----------
-    required : sources that are expected to talk from the beginning on, and after a goodbye too.
+    required : sources that are expected to talk from the beginning on, and while they are inactive too.
     """
 
     def __init__(self, required: Sequence[str] = ()) -> None:
         self._required = tuple(required)
-        self._tracks: dict[str, dict[Key, _Track]] = {}
+        self._tracks: dict[str, dict[Key, Track]] = {}
         # when the newest message arrived, and when the newest was taken
         self._heard: dict[str, tuple[float, float]] = {}
         # required sources that have deleted their last obstacle: they must go on all the same
@@ -246,7 +123,7 @@ class ObstacleTracker:
         self._version = 0
         self._set: ObstacleSet | None = None
         self._cloud, self._cloud_source = DistanceField.none(), ""
-        self._cloud_order = _Order()
+        self._cloud_order = MessageOrder()
 
     def hear(self, source: str, now: float, transit: float = 0.0, forget_after: float = 0.0) -> None:
         """Note that a valid message of a source arrived, even one without obstacles, after a transit [s].
@@ -299,7 +176,7 @@ class ObstacleTracker:
         """
         tracks = self._tracks.setdefault(source, {})
         before = tracks.get(key)
-        order = _Order() if before is None else before.order
+        order = MessageOrder() if before is None else before.order
         taken = now - max(0.0, transit)
         if order.register(taken):
             return False
@@ -312,7 +189,7 @@ class ObstacleTracker:
         motion.see(detected, now - transit)
         if motion.noise.deviation:
             self._noise[source] = motion.noise.deviation
-        track = _Track(detected, float(radius), now, taken, expires, solid, motion, order)
+        track = Track(detected, float(radius), now, taken, expires, solid, motion, order)
         tracks[key] = track.placed(before)
         self._next_expiry = min(self._next_expiry, expires, track.changes(now))
         self._changed()
@@ -324,7 +201,7 @@ class ObstacleTracker:
         track = self._tracks.get(source, {}).get(key)
         deleted = track is not None and not track.deleted and not track.order.register(now - max(0.0, transit))
         if deleted:
-            self._bury(track, now)
+            self._mark_deleted(track, now)
         self._deactivate_when_empty(source)
         return deleted
 
@@ -339,7 +216,7 @@ class ObstacleTracker:
             and not track.order.register(now - max(0.0, transit))
         ]
         for track in doomed:
-            self._bury(track, now)
+            self._mark_deleted(track, now)
         self._deactivate_when_empty(source)
         return len(doomed)
 
@@ -365,7 +242,7 @@ class ObstacleTracker:
         self._unusable.clear()
         self._ends.clear()
         self._noise.clear()
-        self._cloud, self._cloud_order = DistanceField.none(), _Order()
+        self._cloud, self._cloud_order = DistanceField.none(), MessageOrder()
         self._next_expiry = math.inf
         self._changed()
 
@@ -438,10 +315,10 @@ class ObstacleTracker:
         del self._ends[source]
         self._tracks.pop(source, None)
         if source == self._cloud_source:
-            self._cloud, self._cloud_order = DistanceField.none(), _Order()
+            self._cloud, self._cloud_order = DistanceField.none(), MessageOrder()
         self._deactivate_when_empty(source)
 
-    def _bury(self, track: _Track, now: float) -> None:
+    def _mark_deleted(self, track: Track, now: float) -> None:
         # A deleted key is remembered for a while, so that an overtaken ADD does not bring the obstacle back.
         track.deleted = True
         track.expires = now + REORDER_WINDOW
@@ -489,9 +366,9 @@ def _label(source: str, key: Key) -> str:
     return f"{source}/{key[0]}/{key[1]}"
 
 
-def _velocities(tracks: list[_Track]) -> np.ndarray:
+def _velocities(tracks: list[Track]) -> np.ndarray:
     return np.array([track.motion.velocity for track in tracks], dtype=float).reshape(-1, 3)
 
 
-def _velocity_errors(tracks: list[_Track]) -> np.ndarray:
+def _velocity_errors(tracks: list[Track]) -> np.ndarray:
     return np.array([track.motion.error for track in tracks], dtype=float)

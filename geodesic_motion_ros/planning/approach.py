@@ -32,10 +32,10 @@ class ApproachSearch:
         """Whether another one may come to something else: in motion only obstacles change that."""
         if query is not self.query:
             return True
-        unmoved = self.obstacles.unmoved_in(situation.obstacles)
+        unchanged = self.obstacles.is_unchanged(situation.obstacles)
         if situation.at_rest:
-            return not (unmoved and np.array_equal(self.position, situation.state.position))
-        return not unmoved and situation.now >= self.time + constants.SEARCH_PERIOD - TIME_ROUNDING
+            return not (unchanged and np.array_equal(self.position, situation.state.position))
+        return not unchanged and situation.now >= self.time + constants.SEARCH_PERIOD - TIME_ROUNDING
 
 
 def still_approaching(query: ArmQuery, verdict: Verdict, situation: Situation) -> Step | None:

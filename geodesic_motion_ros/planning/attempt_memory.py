@@ -51,8 +51,8 @@ class DetourRequest:
 
     def is_same(self, other: DetourRequest) -> bool:
         """Whether it has the same answer."""
-        unmoved = self.is_between_same(other) and self.obstacles.unmoved_in(other.obstacles)
-        return unmoved and self.reach == other.reach
+        unchanged = self.is_between_same(other) and self.obstacles.is_unchanged(other.obstacles)
+        return unchanged and self.reach == other.reach
 
     def is_between_same(self, other: DetourRequest) -> bool:
         """Whether it is to lead from the same place to the same goal."""
@@ -110,7 +110,7 @@ class AttemptMemory:
     def still_blocked(self, query: Query, obstacles: Obstacles) -> Blocked | None:
         """What was tried and found no path, where nothing has changed since."""
         blocked = self.blocked
-        if blocked is None or blocked.query is not query or not blocked.obstacles.unmoved_in(obstacles):
+        if blocked is None or blocked.query is not query or not blocked.obstacles.is_unchanged(obstacles):
             return None
         return blocked
 
@@ -131,7 +131,7 @@ class AttemptMemory:
         if self.refusal is not None and is_searched(self.refusal, situation, self.last_failed_evasion):
             return (), self
         blocked = self.refusal is not None and self.refusal.code is VerdictCode.NO_FEASIBLE_PATH
-        tried = solver.attempts if blocked and not situation.expected.stand else solver.cautious
+        tried = solver.attempts if blocked and not situation.expected.is_static else solver.cautious
         number = (self.attempted + 1) % len(tried)
         return tried[number : number + 1], replace(self, attempted=number)
 
@@ -141,7 +141,7 @@ class AttemptMemory:
         """With what a search came to; blocked : what was tried before in the same situation."""
         still, out_of_time = None, plan.verdict.code is VerdictCode.DEADLINE_MISSED
         without = out_of_time or plan.verdict.code is VerdictCode.NO_FEASIBLE_PATH
-        if without and situation.expected.stand and situation.at_rest:
+        if without and situation.expected.is_static and situation.at_rest:
             before = blocked or Blocked(query, query, situation.obstacles, frozenset(), plan.verdict)
             # The first time all attempts share a tick, also with what holds a posture; later each has one of its own.
             shared = out_of_time and query is not self.without_path

@@ -219,7 +219,7 @@ class ArmCertifier:
         self, swept: SweptArm, obstacles: Obstacles, horizon: float, beyond: bool = True
     ) -> Certificate:
         """`certify` for where a reference takes the arm; obstacles are where they are at its time 0."""
-        clearances = clearances_in_motion if beyond or obstacles.stand else clearances_until
+        clearances = clearances_in_motion if beyond or obstacles.is_static else clearances_until
         clearance, sphere = clearances(
             swept.times, swept.placed, swept.bulges, self._radii, self._moving, obstacles, horizon
         )

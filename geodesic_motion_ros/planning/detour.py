@@ -180,3 +180,9 @@ class DetourPlanner:
         if plan.verdict.ok:
             reason = f"a detour: it leaves what was demonstrated by {100 * detour.displacement:.1f} cm"
         return replace(plan, verdict=replace(plan.verdict, reason=reason, **left))
+
+
+def without_detour(plan: Plan, reach: float, reason: str) -> Plan:
+    """A plan without a path, whose verdict says why there is no detour of up to `reach` [m] either."""
+    reason = f"{plan.verdict.reason}; no detour of up to {100 * reach:.0f} cm: {reason}"
+    return replace(plan, verdict=replace(plan.verdict, reason=reason))

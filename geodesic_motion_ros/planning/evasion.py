@@ -49,7 +49,7 @@ def evaded(
         if horizon < situation.settings.prediction:
             plan = solver.evade_displaced(query, state, obstacles, horizon, situation.reach, deadline)
         else:
-            plan = solver.evade(query, state, obstacles, deadline)
+            plan = solver.evade(query, state, obstacles, situation.stop.reference, deadline)
         if plan is not None:
             return _taken(query, plan, verdict, situation), last_failed
         if deadline.passed:
@@ -78,7 +78,7 @@ def _assessed(verdict: Verdict, situation: Situation, last_failed: FailedEvasion
     """
     settings = situation.settings
     blocked = verdict.code is VerdictCode.NO_FEASIBLE_PATH
-    if not (blocked and settings.avoidance) or situation.obstacles.stand:
+    if not (blocked and settings.avoidance) or situation.obstacles.is_static:
         return False, None
     horizons = [settings.prediction]
     if situation.reach > 0.0:
@@ -103,7 +103,7 @@ def still_evading(situation: Situation) -> Step | None:
     arm can still stop on it. None where it is not, or nothing moves any more, or the arm does not evade.
     """
     followed = situation.followed
-    if followed is None or not followed.evading or situation.obstacles.stand:
+    if followed is None or not followed.evading or situation.obstacles.is_static:
         return None
     clearance = situation.clearance_left(beyond=False)
     return None if clearance is None else situation.answered(replace(followed.verdict, clearance=clearance))

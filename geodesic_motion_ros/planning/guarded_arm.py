@@ -5,12 +5,22 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
+import numpy as np
+
+from geodesic_motion_ros.geometry.quaternions import angle_between
+from geodesic_motion_ros.geometry.task_frame import TaskFrame
 from geodesic_motion_ros.manifold.pose_graph import PoseGraph
 from geodesic_motion_ros.obstacles.obstacles import Obstacles
+from geodesic_motion_ros.planning import settings as constants
+from geodesic_motion_ros.planning.attempt_memory import DetourRequest
 from geodesic_motion_ros.planning.configuration_query import ConfigurationQueryBuilder
-from geodesic_motion_ros.planning.detour import COVERED_END, Detour, DetourPlanner
-from geodesic_motion_ros.planning.mission import Query
+from geodesic_motion_ros.planning.detour import COVERED_END, Detour, DetourPlanner, without_detour
+from geodesic_motion_ros.planning.mission import Goal, GoalRequest, Query
+from geodesic_motion_ros.planning.plan import MotionState, Plan
+from geodesic_motion_ros.planning.pose_query import Pose
+from geodesic_motion_ros.planning.situation import Followed
 from geodesic_motion_ros.planning.solver import Solver
+from geodesic_motion_ros.planning.status import Verdict, VerdictCode
 from geodesic_motion_ros.planning.tool_query import ToolQueryBuilder
 from geodesic_motion_ros.robot.collision_model import CollisionModel
 from geodesic_motion_ros.robot.held_objects import HeldObject
@@ -53,6 +63,59 @@ class GuardedArm:
             detours=self.detours.with_solver(solver),
         )  # fmt: skip
 
+    def start(self, pose: Pose, commanded: np.ndarray | None) -> np.ndarray | Verdict:
+        """The configuration (eta,) in which a plan from a tool pose begins: the commanded one, where that holds the
+        tool there; else one near those demonstrated, or near `Robot.ready`.
+        """
+        if commanded is not None and isinstance(self.queries, ToolQueryBuilder):
+            position, quaternion = self.solver.robot.forward(commanded)
+            near = np.linalg.norm(position - pose.position) <= constants.SAME_START[0]
+            if near and angle_between(quaternion, pose.quaternion) <= constants.SAME_START[1]:
+                return commanded
+        return self.queries.start_by_pose(pose)
+
+    def goal(self, request: GoalRequest, frame: TaskFrame) -> Goal | Verdict:
+        """What the skill has to go to, or why the request is refused; frame : the task frame."""
+        if request.configuration is not None:
+            return self.queries.goal_by_configuration(request.configuration, frame)
+        assert request.pose is not None
+        pose, robot = request.pose, self.solver.robot
+        if request.in_task_frame:
+            pose = Pose(*frame.to_base(pose.position, pose.quaternion))
+        if not robot.within_reach(pose.position):
+            distance = np.linalg.norm(pose.position - robot.shoulder)
+            return Verdict(
+                VerdictCode.GOAL_OUT_OF_SUPPORT,
+                f"the goal is {distance:.2f} m from the shoulder; the tool of the {self.solver.skill.robot} reaches "
+                f"{robot.reach:.2f} m",
+            )
+        return self.queries.goal_by_pose(pose, frame)
+
+    def query_from(self, state: MotionState, followed: Followed | None, goal: Goal) -> Query | Verdict:
+        """From where a stream is on its path, so that it goes on smoothly; anew where it stands at an end of it."""
+        if followed is not None and state.latent is not None:
+            query = self.queries.redirected(followed.query, state.position, state.latent, goal)
+            if query is not None:
+                return query
+        return self.queries.build(state.position, goal)
+
+    def plan_from_rest(self, start: np.ndarray, goal: Goal, obstacles: Obstacles, reach: float) -> Plan:
+        """From rest in a configuration (eta,) [rad] to a goal; where there is no path, by a detour of up to a reach
+        [m].
+        """
+        query = self.queries.build(start, goal)
+        if isinstance(query, Verdict):
+            return Plan(None, 0.0, query)
+        still = np.zeros_like(start)
+        state = MotionState(obstacles.time, start, still, still, query.start_latent)
+        plan = self.solver.solve(query, state, obstacles, self.solver.cautious)
+        if plan.verdict.code is not VerdictCode.NO_FEASIBLE_PATH or reach == 0.0:
+            return plan
+        detour = self.detour(query, obstacles, reach)
+        if isinstance(detour, str):
+            return without_detour(plan, reach, detour)
+        return self.detours.plan(detour, state, obstacles)
+
     def detour(self, query: Query, obstacles: Obstacles, reach: float) -> Detour | str:
         """The cheapest detour of up to `reach` [m], or why there is none; where an obstacle covers an end, in the first
         of the other postures that has one.
@@ -63,6 +126,17 @@ class GuardedArm:
             found = self.detours.find(other, obstacles, reach)
             other = self.queries.other_posture(other)
         return found
+
+    def requested_detour(self, request: DetourRequest, latent: np.ndarray | None, obstacles: Obstacles) -> Detour | str:
+        """The detour that is requested, from where the arm stands, at a latent point (d,), among expected obstacles."""
+        query = request.query
+        here: Query | Verdict | None = query
+        if not np.array_equal(query.start, request.position):
+            here = None
+            if latent is not None:
+                here = self.queries.redirected(query, request.position, latent, request.goal)
+            here = here or self.queries.build(request.position, request.goal)
+        return here.reason if isinstance(here, Verdict) else self.detour(here, obstacles, request.reach)
 
 
 @dataclass(frozen=True, eq=False)

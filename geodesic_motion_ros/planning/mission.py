@@ -69,14 +69,19 @@ class Mission:
 class Inputs:
     """What was received: obstacles, and how far [m] they may be from there; how the arm follows; the task frame.
 
-    unmoved_since : since when the obstacles have been the same, at the same places [s].
+    unchanged_since : since when the obstacles have been the same, at the same places [s].
     """
 
     obstacles: Obstacles
     position_error: float
     tracking: Tracking
     frame: TaskFrame
-    unmoved_since: float = 0.0
+    unchanged_since: float = 0.0
+
+    def with_obstacles(self, obstacles: Obstacles, now: float) -> Inputs:
+        """With those that are received at a time [s] in the place of the ones before."""
+        since = self.unchanged_since if self.obstacles.is_unchanged(obstacles) else now
+        return replace(self, obstacles=obstacles, unchanged_since=since)
 
     @cached_property
     def enlarged(self) -> Obstacles:

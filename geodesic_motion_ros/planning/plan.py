@@ -94,6 +94,12 @@ class MotionState:
     acceleration: np.ndarray
     latent: np.ndarray | None
 
+    def after(self, stop: JointReference) -> MotionState:
+        """At rest, where a stop from here ends."""
+        still = np.zeros_like(self.position)
+        latent = None if self.latent is None else stop.latent_at(stop.duration)
+        return MotionState(self.time + stop.duration, stop.positions[-1], still, still, latent)
+
 
 @dataclass(frozen=True)
 class Approach:

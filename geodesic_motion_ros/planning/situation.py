@@ -164,6 +164,7 @@ class Situation:
     played, followed : as of `Stream`.
     deadline : begin nothing new after it. handover_deadline : what is found after it would take over in the past.
     reach : how far the tool may leave what was demonstrated [m].
+    unchanged_since : since when the obstacles have been the same, at the same places [s].
     """
 
     settings: PlannerSettings
@@ -176,6 +177,7 @@ class Situation:
     deadline: Deadline = NEVER
     handover_deadline: Deadline = NEVER
     reach: float = 0.0
+    unchanged_since: float = 0.0
 
     @property
     def at_rest(self) -> bool:
@@ -249,7 +251,7 @@ class Situation:
 
         A certificate takes for granted that they move on; one that stops before it has passed must not be met either.
         """
-        if self.expected.stand or not self.settings.avoidance:
+        if self.expected.is_static or not self.settings.avoidance:
             return True
         margin = constants.DYNAMIC_MARGIN_FACTOR * self.settings.obstacle_margin
         stopping = self._stopping(candidate, self.state.time + constants.REPLAN_DELAY)

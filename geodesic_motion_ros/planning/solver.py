@@ -20,10 +20,10 @@ from geodesic_motion_ros.obstacles.obstacles import Obstacles
 from geodesic_motion_ros.planning import settings as constants
 from geodesic_motion_ros.planning.arm_clearance import obstacle_clearance
 from geodesic_motion_ros.planning.arm_in_scene import ArmInScene
-from geodesic_motion_ros.planning.certificate import ArmCertifier
+from geodesic_motion_ros.planning.certificate import ArmCertifier, Certificate
 from geodesic_motion_ros.planning.declared_scene import DeclaredScene
 from geodesic_motion_ros.planning.evasion_targets import displaced_paths, paths_to_targets
-from geodesic_motion_ros.planning.path_timer import PathTimer, meeting
+from geodesic_motion_ros.planning.path_timer import PathTimer, TimedPath, meeting
 from geodesic_motion_ros.planning.plan import Approach, ArmQuery, MotionState, PathEnds, Plan
 from geodesic_motion_ros.planning.search import KnownPaths, LatentPath, MarginSearch, cheapest_path, path_verdict
 from geodesic_motion_ros.planning.seen_volume import SeenVolume
@@ -34,6 +34,7 @@ from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.robot.limits import JointLimits
 from geodesic_motion_ros.skill.skill import Skill
 from geodesic_motion_ros.trajectory.limited_tool import LimitedTool
+from geodesic_motion_ros.trajectory.trajectory import JointReference, joined
 from geodesic_motion_ros.utils.deadline import NEVER, Deadline
 
 #: The largest distance that an attempt keeps from obstacles, as a multiple of the margin.
@@ -97,7 +98,7 @@ class Solver:
         else:
             plan = Plan(None, state.time, refusal)
         blocked = plan.trajectory is None and plan.verdict.code is VerdictCode.NO_FEASIBLE_PATH
-        if blocked and optimistic and not obstacles.stand and not deadline.passed:
+        if blocked and optimistic and not obstacles.is_static and not deadline.passed:
             other = self._first_certified(query, state, obstacles, optimistic, deadline, None, longest)
             if other.trajectory is not None:
                 return replace(other, optimistic=True)
@@ -117,7 +118,7 @@ class Solver:
         search = self._search(query, state, obstacles, attempts[0].optimistic, deadline)
         if isinstance(search, Verdict):
             return Plan(None, state.time, search)
-        margin = 0.0 if obstacles.stand else search.margin(constants.DYNAMIC_MARGIN_FACTOR)
+        margin = 0.0 if obstacles.is_static else search.margin(constants.DYNAMIC_MARGIN_FACTOR)
         verdict = Verdict(VerdictCode.NO_FEASIBLE_PATH)
         tried: set[bytes] = set()
         first: LatentPath | None = None
@@ -150,7 +151,7 @@ class Solver:
         ends = self._end_clearance(query, state, avoided, optimistic)
         if isinstance(ends, Verdict):
             return ends
-        swept = avoided.at_rest if optimistic else avoided.swept(self.settings.prediction)
+        swept = avoided.static_subset if optimistic else avoided.swept(self.settings.prediction)
         return self._search_among(query, state, swept, ends, deadline)
 
     def _search_among(
@@ -178,7 +179,7 @@ class Solver:
             return Plan(None, state.time, Verdict(VerdictCode.NO_FEASIBLE_PATH, timed.objection, **query.misfits))
         certificate = self.certifier.certify_swept(timed.swept, obstacles, self.settings.prediction)
         standing = constants.DYNAMIC_MARGIN_FACTOR * self.settings.obstacle_margin
-        objection = self.certifier.objection(certificate, 0.0 if obstacles.stand else standing)
+        objection = self.certifier.objection(certificate, 0.0 if obstacles.is_static else standing)
         objection = objection or self.certifier.unseen(timed.swept, seen)
         verdict = Verdict(
             VerdictCode.NO_FEASIBLE_PATH if objection else VerdictCode.OK, f"on the detour {objection}" if objection
@@ -188,20 +189,49 @@ class Solver:
         return Plan(found, state.time, verdict)
 
     def evade(
-        self, query: ArmQuery, state: MotionState, obstacles: Obstacles, deadline: Deadline = NEVER
+        self,
+        query: ArmQuery,
+        state: MotionState,
+        obstacles: Obstacles,
+        stop: JointReference,
+        deadline: Deadline = NEVER,
     ) -> Plan | None:
-        """A certified path to a place nearby that nothing is expected to come to; None where none is found in time."""
-        reshaping = self._reshaping(query, obstacles.swept(self.settings.prediction))
+        """A certified motion to a place nearby that nothing is expected to come to; None where none is found in time.
+
+        An arm in motion stops first, as it can go back then, or else sets out as it moves.
+
+        stop : the soonest stop from the state.
+        """
+        prediction = self.settings.prediction
+        reshaping = self._reshaping(query, obstacles.swept(prediction, constants.EVASION_INSTANTS))
         apart = constants.DYNAMIC_MARGIN_FACTOR * self.settings.obstacle_margin
-        start, steps = _latent_start(query, state), constants.EVASION_STEPS
-        for path in paths_to_targets(self.graph, query, start, reshaping, steps, apart):
-            # To pass what is coming narrowly is better than to be met by it.
-            plan = self._certified(query, state, path, obstacles, 0.0, True, evading=True)
-            if plan.trajectory is not None:
-                return plan
-            if deadline.passed:
-                return None
+        for begin, first in self._evasion_begins(state, obstacles, stop):
+            start = _latent_start(query, begin)
+            for path in paths_to_targets(self.graph, query, start, reshaping, constants.EVASION_STEPS, apart):
+                timed = self._timer.timed(query, begin, path, False, math.inf)
+                if timed.reference is not None:
+                    whole = timed.reference if first is None else joined(first, 0.0, timed.reference, first.duration)
+                    # To pass what is coming narrowly is better than to be met by it.
+                    certificate = self.certifier.certify(whole, obstacles, prediction, beyond=False)
+                    objection = self.certifier.objection(certificate)
+                    verdict = self._path_verdict(query, path, timed, certificate, objection)
+                    if verdict.ok:
+                        return Plan(self.certifier.judged(whole, certificate), state.time, verdict)
+                if deadline.passed:
+                    return None
         return None
+
+    def _evasion_begins(
+        self, state: MotionState, obstacles: Obstacles, stop: JointReference
+    ) -> list[tuple[MotionState, JointReference | None]]:
+        """From where evasion may set out, and what is played until then: at rest after a stop that nothing meets; or in
+        motion.
+        """
+        if not np.any(state.velocity):
+            return [(state, None)]
+        stopping = self.certifier.certify(stop, obstacles, stop.duration, beyond=False)
+        met = self.certifier.objection(stopping) is not None
+        return [(state, None)] if met else [(state.after(stop), stop), (state, None)]
 
     def evade_displaced(
         self,
@@ -260,7 +290,7 @@ class Solver:
         refusal : that the goal is covered; the plan's verdict states the same, and how near it leads.
         remaining : what the approach that is being played leaves of the path [m]; inf: there is none.
         """
-        if self._clearance(query.goal, obstacles.at_rest.beside(self.scene.solids)) > 0.0:
+        if self._clearance(query.goal, obstacles.static_subset.beside(self.scene.solids)) > 0.0:
             return None
         horizon = self.settings.prediction
         swept = obstacles.swept(horizon).beside(self.scene.solids)
@@ -271,7 +301,8 @@ class Solver:
         curve, latent, correction = path
         # An arm that stands nearer than that may stay so, but not come nearer.
         kept = min(constants.APPROACH_MARGIN_FACTOR * self.settings.obstacle_margin, _SAME_CLEARANCE * here)
-        margin = 0.0 if obstacles.stand else kept * constants.DYNAMIC_MARGIN_FACTOR / constants.APPROACH_MARGIN_FACTOR
+        from_moving = kept * constants.DYNAMIC_MARGIN_FACTOR / constants.APPROACH_MARGIN_FACTOR
+        margin = 0.0 if obstacles.is_static else from_moving
         placed = self.collision.positions(self.robot, curve)
         end, left = int(np.argmax(np.append(self.certifier.between(placed, swept) < kept, True))), _lengths_left(placed)
         for _ in range(1 + constants.APPROACH_CUTS):
@@ -334,7 +365,7 @@ class Solver:
         The goal is to be free of where obstacles are expected to halt; optimistic: of those alone that stand.
         """
         prediction = self.settings.prediction
-        later = obstacles.at_rest if optimistic else obstacles.at(obstacles.time + prediction, prediction)
+        later = obstacles.static_subset if optimistic else obstacles.at(obstacles.time + prediction, prediction)
         nearest = []
         for where, configuration, code, there in (
             ("stands", state.position, VerdictCode.IN_COLLISION, obstacles),
@@ -378,16 +409,14 @@ class Solver:
         obstacles: Obstacles,
         margin: float,
         optimistic: bool,
-        evading: bool = False,
         longest: float = math.inf,
     ) -> Plan:
         """Time a path (`PathTimer.timed`), and judge the very motion that will be played.
 
-        evading : the path does not lead to the goal, but ends where it ends.
         longest : as of `solve`.
         """
-        timed = self._timer.timed(query, state, path, not evading, longest)
-        latent, reference = timed.latent, timed.reference
+        timed = self._timer.timed(query, state, path, True, longest)
+        reference = timed.reference
         if reference is None:
             return Plan(None, state.time, Verdict(VerdictCode.NO_FEASIBLE_PATH, timed.objection, **query.misfits))
         if reference.duration >= longest:
@@ -396,16 +425,16 @@ class Solver:
         prediction = self.settings.prediction
         certificate = self.certifier.certify_swept(timed.swept, obstacles, prediction, beyond=not optimistic)
         objection = self.certifier.objection(certificate, margin) if self.settings.avoidance else None
-        if objection is not None and evading:
-            # Another target is tried, whatever else may be wrong with this one.
-            return Plan(None, state.time, Verdict(VerdictCode.NO_FEASIBLE_PATH, objection))
-        verdict = path_verdict(
-            self.skill, self.graph, query, self.graph.sigma_at(latent), path,
-            float(np.min(certificate.clearance)), timed.correction,
-            None if objection is None else f"on the best path {objection}",
-        )  # fmt: skip
+        objection = None if objection is None else f"on the best path {objection}"
+        verdict = self._path_verdict(query, path, timed, certificate, objection)
         found = self.certifier.judged(reference, certificate) if verdict.ok else None
         return Plan(found, state.time, verdict)
+
+    def _path_verdict(
+        self, query: ArmQuery, path: LatentPath, timed: TimedPath, certificate: Certificate, objection: str | None
+    ) -> Verdict:
+        sigma, clearance = self.graph.sigma_at(timed.latent), float(np.min(certificate.clearance))
+        return path_verdict(self.skill, self.graph, query, sigma, path, clearance, timed.correction, objection)
 
     def seen_beside(self, base: np.ndarray) -> SeenVolume:
         """Where the arm may be that leaves configurations (k, eta) of a base path."""

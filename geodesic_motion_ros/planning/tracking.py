@@ -13,11 +13,14 @@ measured, or to the next one: they are known when the arm sets out again, and wh
 
 from __future__ import annotations
 
+import math
 from collections import deque
 from dataclasses import dataclass
 
 import numpy as np
 
+from geodesic_motion_ros.planning import settings as constants
+from geodesic_motion_ros.planning.situation import TIME_ROUNDING
 from geodesic_motion_ros.robot.collision_model import CollisionModel
 from geodesic_motion_ros.robot.kinematics import Robot
 
@@ -40,6 +43,11 @@ class Tracking:
 
     lag: float = 0.0
     error: float = 0.0
+
+    def rounded_up(self) -> Tracking:
+        """As whole numbers of `LAG_STEP` and `TRACKING_ERROR_STEP`."""
+        lag = _rounded_up(self.lag, constants.LAG_STEP)
+        return Tracking(lag, _rounded_up(self.error, constants.TRACKING_ERROR_STEP))
 
 
 class TrackingMonitor:
@@ -95,3 +103,7 @@ class TrackingMonitor:
 
 def _worst(*each: Tracking) -> Tracking:
     return Tracking(max(one.lag for one in each), max(one.error for one in each))
+
+
+def _rounded_up(value: float, step: float) -> float:
+    return step * math.ceil(value / step - TIME_ROUNDING)

@@ -23,10 +23,19 @@ def text_table(
 
 
 def write_json(path: str | Path, content: Any) -> Path:
-    """Write valid JSON (what is not finite becomes null), creating the folder. Returns the path."""
-    target = Path(path)
+    """Write valid JSON (what is not finite becomes null), creating the folder. Returns the path.
+
+    A file is whole or as it was before, whenever the program is interrupted.
+    """
+    target, text = Path(path), json.dumps(_plain(content), indent=1, allow_nan=False) + "\n"
+    if target.exists() and not target.is_file():  # a pipe or a terminal
+        target.write_text(text)
+        return target
     target.parent.mkdir(parents=True, exist_ok=True)
-    target.write_text(json.dumps(_plain(content), indent=1, allow_nan=False) + "\n")
+    whole = target.resolve()
+    part = whole.with_name(f"{whole.name}.part")
+    part.write_text(text)
+    part.replace(whole)
     return target
 
 

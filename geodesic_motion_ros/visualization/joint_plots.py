@@ -178,8 +178,8 @@ def draw_latent_tubes(
     else:
         _magnification(figure, axes, graph)
     if obstacles:
-        touched = np.any([_touched(planner, obstacle) for obstacle in obstacles], axis=0)
-        axes.scatter(*graph.latent[touched].T, s=9, color=ORANGE, alpha=0.5, linewidths=0.0, zorder=3)
+        colliding = np.any([colliding_nodes(planner, obstacle) for obstacle in obstacles], axis=0)
+        axes.scatter(*graph.latent[colliding].T, s=9, color=ORANGE, alpha=0.5, linewidths=0.0, zorder=3)
         handles.append(Patch(facecolor=ORANGE, alpha=0.6, label="the arm would touch the obstacle"))
     modes = np.zeros(len(skill.codes), dtype=int) if skill.canonical is None else skill.canonical.modes
     for code, mode in zip(skill.codes, modes, strict=True):
@@ -241,7 +241,7 @@ def _wall(axes: Axes, planner: ReactivePlanner) -> None:
     axes.add_collection3d(Poly3DCollection(corners, facecolors=colours, linewidths=0.0, zorder=2))
 
 
-def _touched(planner: ReactivePlanner, obstacle: Sphere) -> np.ndarray:
+def colliding_nodes(planner: ReactivePlanner, obstacle: Sphere) -> np.ndarray:
     """Nodes (mask (n,)) in whose configuration a sphere of the arm touches an obstacle."""
     spheres, moving = planner.collision.points, planner.collision.moving
     placed = place_body_points(

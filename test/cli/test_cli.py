@@ -14,7 +14,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from geodesic_motion_ros.cli.arguments import writable
 from geodesic_motion_ros.studies.cli import build_parser, main
+from geodesic_motion_ros.utils.errors import ParameterError
 
 REPOSITORY = Path(__file__).resolve().parents[2]
 READ = ("--demos", "{reach}", "--units", "cm")
@@ -84,6 +86,18 @@ def test_faults_that_do_not_begin_leave_the_figures_of_before(tmp_path, monkeypa
     assert main(["faults", "--skill", "no_such_skill", "--out", str(tmp_path), *given]) == 2
     assert "no skill 'no_such_skill'" in capsys.readouterr().err
     assert [file.read_text() for file in files.values()] == ["of before", "of before"]
+
+
+def test_a_file_for_figures_is_not_there_before_there_are_figures(tmp_path) -> None:
+    file = tmp_path / "new" / "figures.json"
+    writable(file)
+    assert list(file.parent.iterdir()) == []
+    file.write_text("of before")
+    writable(file)
+    assert file.read_text() == "of before"
+    for wrong in (tmp_path, file / "figures.json"):
+        with pytest.raises(ParameterError, match="cannot be written"):
+            writable(wrong)
 
 
 def test_help_loads_no_heavy_library() -> None:

@@ -364,7 +364,7 @@ def test_joints_in_any_order(tmp_path):
         ),
         (
             {"configurations": np.full((2, 20, 7), np.nan)},
-            "'reach_0', sample 0, column joint 1: nan is not a finite number",
+            "'reach_0', sample 0, column panda_joint1: nan is not a finite number",
         ),
         ({"names": np.array(["same", "same"])}, "1 different names for 2 demonstrations"),
         ({"times": np.zeros((2, 19))}, r"times have shape \(2, 19\)"),

@@ -51,11 +51,10 @@ class TestStates:
         positions = np.array([[p.position.x, p.position.y, p.position.z] for p in poses])
         quaternions = np.array([[p.orientation.w, p.orientation.x, p.orientation.y, p.orientation.z] for p in poses])
         np.testing.assert_allclose(positions[-1], skill.goal_pose[:3], atol=1e-3)
-        # On a busy machine the listener may lose some messages in a row, and after a late tick the next one is early:
-        # its pose is a period further all the same.
+        # On a busy machine the listener may lose some messages in a row.
         times = np.array([messages.seconds(message.header.stamp) for message in moving.heard["target_pose"]])
         steps = np.linalg.norm(np.diff(positions, axis=0), axis=1)
-        assert np.all(steps < TOOL_LIMITS.speed * 1.2 * np.maximum(np.diff(times), 0.01) + 1e-3)
+        assert np.all(steps < TOOL_LIMITS.speed * 1.2 * np.diff(times) + 1e-3)
         assert np.all(np.sum(quaternions[1:] * quaternions[:-1], axis=1) > 0.99)
         np.testing.assert_allclose(np.linalg.norm(quaternions, axis=1), 1.0, atol=1e-9)
 
@@ -294,6 +293,7 @@ class TestParameters:
         assert not result.successful
         assert "obstacle_timeout" in result.reason
         assert ready.planner.get_parameter("state_timeout").value == 2.0
+        assert ready.planner._cycle.state_timeout == 2.0
 
     def test_good_ones_at_run_time_take_effect(self, ready, start_joints):
         request = SetParametersAtomically.Request(

@@ -209,6 +209,7 @@ class TestFaults:
             answer = twin.call(Trigger, f"twin/{service}", Trigger.Request())
         assert not answer.success
         assert answer.message == "internal error, see the log: ZeroDivisionError()"
+        assert twin.twin._refusals.counts[f"~/{service}"] == 1
         assert twin.call(Trigger, f"twin/{service}", Trigger.Request()).success
         assert not twin.twin.failure.is_set()
 
@@ -218,6 +219,7 @@ class TestFaults:
         twin.publisher(PoseStamped, "target_pose").publish(make_pose(skill.start_pose))
         refused = "an error in target_pose: internal error, see the log: ZeroDivisionError()"
         twin.wait(lambda: twin.logged(refused), "the error")
+        assert twin.twin._refusals.counts["target_pose"] == 1
         heard = len(twin.heard["joint_states"])
         twin.wait(lambda: len(twin.heard["joint_states"]) > heard + 5, "further states")
 

@@ -15,6 +15,7 @@ from geodesic_motion_ros.nodes.joint_cycle import JointCycle
 from geodesic_motion_ros.nodes.stream_cycle import REST_TIME, CycleInputs, CycleOutput
 from geodesic_motion_ros.obstacles.tracker import ObstacleTracker
 from geodesic_motion_ros.planning.planner import ReactivePlanner
+from geodesic_motion_ros.planning.solver import Solver
 from geodesic_motion_ros.planning.status import VerdictCode
 from geodesic_motion_ros.robot.held_objects import HeldObject
 from geodesic_motion_ros.robot.inverse_kinematics import solve
@@ -178,16 +179,16 @@ def test_what_would_take_over_in_the_past_is_not_sent_and_the_next_cycle_finds_i
 
 def test_a_search_that_took_too_long_is_followed_by_a_stop_from_the_present_on(planner, arm, inputs, monkeypatch):
     planner.clear_goal()
-    time, stall, solve = [0.0], 0.05, planner._solver.solve
+    time, stall, solved = [0.0], 0.05, Solver.solve
 
     def stalled(*arguments):
-        plan = solve(*arguments)
+        plan = solved(*arguments)
         time[0] += stall
         return plan
 
     cycle = JointCycle(planner, 0.1, 1.0, 0.1, HORIZON, clock=lambda: time[0])
     follow(cycle, arm, inputs, 1.0)
-    monkeypatch.setattr(planner._solver, "solve", stalled)
+    monkeypatch.setattr(Solver, "solve", stalled)
     # A new goal: the path being followed leads elsewhere, and another one is looked for.
     back = dataclasses.replace(inputs, goal=arm.states[0][0], goal_number=2)
     before = arm.played

@@ -24,6 +24,7 @@ from geodesic_motion_ros.nodes.stream_cycle import CycleInputs, CycleOutput, Str
 from geodesic_motion_ros.nodes.trajectory_bytes import joint_trajectory_bytes
 from geodesic_motion_ros.obstacles.tracker import ObstacleTracker
 from geodesic_motion_ros.planning.planner import ReactivePlanner
+from geodesic_motion_ros.planning.settings import PlannerSettings
 from geodesic_motion_ros.skill.skill import Skill
 
 REPOSITORY = Path(__file__).resolve().parents[2]
@@ -69,7 +70,8 @@ class Arm:
 
     def __init__(self, name: str) -> None:
         self.skill = Skill.load(name)
-        self.planner = ReactivePlanner(self.skill)
+        # With what is seen so far ahead the arm stops, and goes on, more than once in so few cycles.
+        self.planner = ReactivePlanner(self.skill, PlannerSettings(prediction=1.6))
         planned = self.planner.plan(*np.split(self.skill.start_pose, [3]), *np.split(self.skill.goal_pose, [3]))
         self.start = planned.reference.positions[0]
 

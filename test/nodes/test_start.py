@@ -39,12 +39,13 @@ def test_an_interrupt_while_loading_ends_without_a_traceback(program: str, code:
 
 # Makes of the interrupt what compiled code makes of it.
 COMPILED = """
-import os, signal, sys
+import signal, sys, threading
 from geodesic_motion_ros.nodes.running import run_node
 
 def create():
     try:
-        os.kill(os.getpid(), {number})
+        # to this thread: to the process, any thread of DDS may get it, and Python's handler runs later
+        signal.pthread_kill(threading.get_ident(), {number})
     except KeyboardInterrupt:
         pass
     raise SystemError("returned a result with an exception set")

@@ -105,7 +105,7 @@ def test_obstacles_move_on_linearly_and_not_for_ever():
     assert later.time == 1.2
     assert obstacles.at(9.0, 0.5).same_places(obstacles.at(1.5, 0.5))
     swept = obstacles.swept(0.4)
-    assert swept.stand
+    assert swept.is_static
     passed = [clearances(obstacles.at(1.0 + elapsed, 0.4), PLACES) for elapsed in (0.0, 0.2, 0.4)]
     np.testing.assert_allclose(clearances(swept, PLACES), np.min(passed, axis=0), atol=1e-12)
     standing = Obstacles.of_spheres(obstacles.centres, obstacles.radii)
@@ -144,10 +144,10 @@ def test_moved_obstacles_are_as_far_from_moved_places():
 def test_what_stands_and_what_moves_are_all_there_is():
     obstacles = scene()
     obstacles.velocities[1] = obstacles.solid_velocities[0] = 0.0
-    standing, moving = obstacles.at_rest, obstacles.in_motion
+    standing, moving = obstacles.static_subset, obstacles.moving_subset
     assert (len(standing.radii), len(moving.radii)) == (1, 2)
     assert (len(standing.solids), len(moving.solids)) == (1, 1)
-    assert standing.stand
+    assert standing.is_static
     assert moving.cloud.squares.size == 0
     both = np.minimum(clearances(standing, PLACES), clearances(moving, PLACES))
     np.testing.assert_array_equal(both, clearances(obstacles, PLACES))
@@ -165,7 +165,7 @@ def test_places_where_what_moves_may_stop_leave_nothing_out_since_it_was_seen(se
     seen = obstacles.radii - 0.2 * obstacles.velocity_errors
     np.testing.assert_allclose(obstacles.ages, 0.2)
     places = obstacles.stopping_places(0.4, 6)
-    assert places.stand
+    assert places.is_static
     for time in np.linspace(-0.2, 0.4, 101):
         out = random.normal(size=(50, 3, 3))
         out *= (seen + (0.2 + time) * obstacles.velocity_errors)[:, None] / np.linalg.norm(out, axis=2, keepdims=True)
@@ -179,7 +179,7 @@ def test_places_where_what_moves_may_stop_leave_nothing_out_since_it_was_seen(se
     apart = np.linalg.norm(velocities, axis=1) * 0.6 / 5
     grown = np.linspace(0.0, 0.6, 6)[:, None] * obstacles.velocity_errors
     assert np.all(places.radii.reshape(6, 3) <= seen + grown + 0.5 * apart + 1e-12)
-    assert obstacles.at_rest.stopping_places(0.4, 6).centres.size == 0
+    assert obstacles.static_subset.stopping_places(0.4, 6).centres.size == 0
 
 
 def test_where_an_obstacle_may_stop_does_not_depend_on_when_others_were_seen() -> None:

@@ -13,7 +13,8 @@ from scipy.spatial.transform import Rotation
 
 from geodesic_motion_ros.geometry.distance_field import DistanceField
 from geodesic_motion_ros.geometry.shapes import solid_distances, solid_rows
-from geodesic_motion_ros.obstacles.tracker import MOTION_LASTS, REORDER_WINDOW, ObstacleSet, ObstacleTracker
+from geodesic_motion_ros.obstacles.track import MOTION_LASTS, REORDER_WINDOW
+from geodesic_motion_ros.obstacles.tracker import ObstacleSet, ObstacleTracker
 
 HERE, THERE = np.array([0.1, 0.2, 0.3]), np.array([0.4, 0.5, 0.6])
 
@@ -130,12 +131,16 @@ def test_an_overtaken_add_does_not_revive_a_deleted_obstacle():
 
 
 def test_deleted_keys_are_forgotten_after_the_window():
+    """From then on messages from before the deletion count; until then none does."""
     tracker = ObstacleTracker()
     for number in range(100):
         tracker.put("obstacles", ("", number), HERE, 0.05, now=0.0)
     tracker.delete_all("obstacles", now=0.1)
-    tracker.current(0.1 + 1.01 * REORDER_WINDOW)
-    assert not any(tracker._tracks.values())
+    for share, forgotten in ((0.9, False), (1.01, True)):
+        now = 0.1 + share * REORDER_WINDOW
+        tracker.current(now)
+        added = [tracker.put("obstacles", ("", number), HERE, 0.05, now, transit=now - 0.05) for number in range(100)]
+        assert all(added) if forgotten else not any(added)
 
 
 def test_without_stamps_every_message_counts():
@@ -435,7 +440,7 @@ def detected(
 def test_what_stands_is_the_same_to_the_last_bit_for_long_and_covers_where_it_is(turned: float | None) -> None:
     """A box too, turned a little in each detection. Not one of the detections themselves is like another."""
     seen = list(detected(ObstacleTracker(), HERE, 1e-2, 20.0, turned=turned))[60:]
-    assert all(one.moved_on(one.version, 1.6, 0.0).stand for one in seen)
+    assert all(one.moved_on(one.version, 1.6, 0.0).is_static for one in seen)
     places = [one.centres.tobytes() + one.radii.tobytes() + one.solids.tobytes() for one in seen]
     # 3 s at least in the mean; the first seconds, in which less is known, are counted.
     assert len(set(places)) <= 6

@@ -21,17 +21,17 @@ NO_PATH = Verdict(VerdictCode.NO_FEASIBLE_PATH, "no path")
 TICK = 0.01
 
 
-def situation(now: float, stand: bool = False) -> SimpleNamespace:
-    obstacles = Obstacles.none() if stand else SimpleNamespace(stand=False)
+def situation(now: float, static: bool = False) -> SimpleNamespace:
+    obstacles = Obstacles.none() if static else SimpleNamespace(is_static=False)
     times = {"now": now, "deadline": NEVER, "handover_deadline": NEVER}
     return SimpleNamespace(followed=None, obstacles=obstacles, expected=obstacles, **times)
 
 
-def tried(ticks: int, stand: bool = False, refusal: Verdict = NO_PATH) -> list[tuple[Attempt, ...]]:
+def tried(ticks: int, static: bool = False, refusal: Verdict = NO_PATH) -> list[tuple[Attempt, ...]]:
     """What is tried tick after tick by an arm that has lost its path, and finds none."""
     memory, chosen = AttemptMemory(), []
     for tick in range(ticks):
-        attempts, memory = memory.chosen_attempts(SOLVER, QUERY, situation(tick * TICK, stand))
+        attempts, memory = memory.chosen_attempts(SOLVER, QUERY, situation(tick * TICK, static))
         memory = replace(memory, without_path=QUERY, refusal=refusal)
         chosen.append(attempts)
     return chosen
@@ -55,7 +55,7 @@ def test_an_arm_that_has_lost_its_path_tries_all_at_once_and_then_one_in_every_t
 @pytest.mark.usefixtures("coming")
 def test_optimistic_attempts_are_made_among_what_moves_alone_and_not_where_the_arm_is_inside_an_obstacle() -> None:
     inside = Verdict(VerdictCode.IN_COLLISION, "inside")
-    for chosen in (tried(20, stand=True), tried(20, refusal=inside)):
+    for chosen in (tried(20, static=True), tried(20, refusal=inside)):
         assert not any(attempts[0].optimistic for attempts in chosen[1:])
 
 

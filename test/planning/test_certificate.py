@@ -155,7 +155,7 @@ def test_beyond_the_horizon_what_moves_may_be_left_out_but_not_what_stands_nor_w
         obstacles.velocities[:2] = 0.0
         certain = certified(reference, obstacles)
         optimistic = CERTIFIER.certify(reference, obstacles, HORIZON, beyond=False)
-        standing = certified(reference, obstacles.at_rest)
+        standing = certified(reference, obstacles.static_subset)
         later = reference.times[:-1] >= HORIZON
         np.testing.assert_allclose(optimistic.clearance[~later], certain.clearance[~later], atol=1e-12)
         np.testing.assert_allclose(optimistic.clearance[later], standing.clearance[later], atol=1e-12)

@@ -42,7 +42,9 @@ class OneEvasionPath:
     asked: int = 0
     asked_beside: list[float] = field(default_factory=list)
 
-    def evade(self, query: object, state: MotionState, obstacles: Obstacles, deadline: Deadline) -> Plan | None:
+    def evade(
+        self, query: object, state: MotionState, obstacles: Obstacles, stop: JointReference, deadline: Deadline
+    ) -> Plan | None:
         self.asked += 1
         return self._turn(state, obstacles, SETTINGS.prediction) if self.found else None
 

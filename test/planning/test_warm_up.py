@@ -72,7 +72,7 @@ assert "approaching" in modes, modes
 planner.stand_at(path[len(path) // 2], 10.0)
 planner.set_goal_configuration(path[-1])
 hand, goal = end_effector_poses(path[[len(path) // 2, -1]].copy(), planner.robot.chain)[0]
-centres, velocities = np.stack([goal, hand + [0.0, 0.0, 0.5]]), np.array([[0.0, 0.0, 0.0], [0.0, 0.0, -0.3]])
+centres, velocities = np.stack([goal, hand + [0.0, 0.0, 0.5]]), np.array([[0.0, 0.0, 0.0], [0.0, 0.0, -0.22]])
 planner.take_obstacles(Obstacles.of_spheres(centres, np.full(2, 0.05), velocities, 10.0))
 reasons = [planner.tick(10.0 + 0.01 * number).verdict.reason for number in range(5)]
 assert any("evading" in reason for reason in reasons), reasons

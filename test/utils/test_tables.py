@@ -2,8 +2,10 @@ from __future__ import annotations
 
 import json
 import math
+import os
 
 import numpy as np
+import pytest
 
 from geodesic_motion_ros.utils.tables import text_table, write_json
 
@@ -30,3 +32,26 @@ def test_json_is_valid_whatever_the_numbers_are(tmp_path) -> None:
     path = write_json(tmp_path / "new" / "file.json", content | {2: True, "text": "ü"})
     found = json.loads(path.read_text())
     assert found == {"nan": None, "list": [1.5, None, 3], "array": [[1.0, None]], "2": True, "text": "ü"}
+
+
+def test_a_file_is_whole_or_as_it_was_before(tmp_path) -> None:
+    path = write_json(tmp_path / "file.json", {"of": "before"})
+    link = tmp_path / "link.json"
+    link.symlink_to(path)
+    with pytest.raises(TypeError):
+        write_json(link, {"of": object()})
+    assert json.loads(path.read_text()) == {"of": "before"}
+    write_json(link, {"of": "now"})
+    assert json.loads(path.read_text()) == {"of": "now"}
+    assert link.is_symlink()
+    assert {entry.name for entry in tmp_path.iterdir()} == {"file.json", "link.json"}
+
+
+def test_json_is_written_into_a_pipe(tmp_path) -> None:
+    pipe = tmp_path / "pipe"
+    os.mkfifo(pipe)
+    reading = os.open(pipe, os.O_RDONLY | os.O_NONBLOCK)
+    write_json(pipe, [1])
+    assert json.loads(os.read(reading, 100)) == [1]
+    os.close(reading)
+    assert pipe.is_fifo()

@@ -45,8 +45,8 @@ def test_the_path_around_goes_elsewhere_and_the_obstacle_is_on_the_other(planner
     assert obstacle is not None
     middles = [drawn.latent[len(drawn.latent) // 2] for drawn in (straight, around)]
     assert np.linalg.norm(middles[0] - middles[1]) > 1.0
-    touched = joint_plots._touched(planner, obstacle)
-    near = [touched[np.argmin(np.linalg.norm(planner.graph.latent - middle, axis=1))] for middle in middles]
+    colliding = joint_plots.colliding_nodes(planner, obstacle)
+    near = [colliding[np.argmin(np.linalg.norm(planner.graph.latent - middle, axis=1))] for middle in middles]
     assert near == [True, False]
 
 

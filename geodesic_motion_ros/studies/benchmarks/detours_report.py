@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -14,7 +13,7 @@ from tqdm import tqdm
 from geodesic_motion_ros.skill.skill import Skill
 from geodesic_motion_ros.studies.benchmarks.detours import DetourBench, DetourTimes
 from geodesic_motion_ros.studies.benchmarks.stopwatch import percentiles_ms
-from geodesic_motion_ros.utils.tables import text_table, write_json
+from geodesic_motion_ros.utils.tables import text_table
 
 
 @dataclass(frozen=True)
@@ -78,9 +77,6 @@ class DetourReport:
             "of the band; and the band's cost over that of the lattice's path",
             text_table(head, rows),
         ])  # fmt: skip
-
-    def write_json(self, path: Path) -> None:
-        write_json(path, self.as_dict())
 
 
 def measure_detours(

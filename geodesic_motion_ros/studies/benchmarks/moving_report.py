@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -13,7 +12,7 @@ from tqdm import tqdm
 from geodesic_motion_ros.skill.skill import Skill
 from geodesic_motion_ros.studies.benchmarks.moving import MovingBench, MovingTicks, NewGoals
 from geodesic_motion_ros.studies.benchmarks.stopwatch import percentiles_ms
-from geodesic_motion_ros.utils.tables import text_table, write_json
+from geodesic_motion_ros.utils.tables import text_table
 
 
 @dataclass(frozen=True)
@@ -94,9 +93,6 @@ class MovingReport:
             "new goal in motion to the first reference that leads to it, in ms",
             text_table(["skill", "goals", "without", "cpu p50", "cpu p99", "wall p50", "wall p99"], goals),
         ])  # fmt: skip
-
-    def write_json(self, path: Path) -> None:
-        write_json(path, self.as_dict())
 
 
 def measure_moving(

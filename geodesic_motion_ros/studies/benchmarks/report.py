@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -12,7 +11,7 @@ import numpy as np
 from geodesic_motion_ros.studies.benchmarks.bias import BiasFigures, bias_table
 from geodesic_motion_ros.studies.benchmarks.hurried import DEADLINE_MS, HurriedTicks
 from geodesic_motion_ros.studies.benchmarks.stopwatch import Stopwatch, percentiles_ms
-from geodesic_motion_ros.utils.tables import text_table, write_json
+from geodesic_motion_ros.utils.tables import text_table
 
 
 @dataclass(frozen=True)
@@ -186,9 +185,6 @@ class BenchReport:
         if self.missing:
             parts.append(f"not installed: {', '.join(self.missing)}; the extra `timing` brings them")
         return "\n\n".join(parts)
-
-    def write_json(self, path: Path) -> None:
-        write_json(path, self.as_dict())
 
     def _machine_line(self) -> str:
         load, versions = self.machine["load"], self.machine["versions"]

@@ -1,15 +1,5 @@
-"""`benchmark`: reactions to moving obstacles that keep the skill, beside what people use today."""
+"""`benchmark`: reactions to moving obstacles that keep the skill, beside what people use today.
 
-from __future__ import annotations
-
-import argparse
-from importlib import import_module
-from pathlib import Path
-
-from geodesic_motion_ros.cli.arguments import HelpFormatter, add_json, given, name_list, needing, seed, writable
-from geodesic_motion_ros.utils.errors import ParameterError
-
-_DESCRIPTION = """\
 Plays seeded scenes on a simulated Panda with every method, the same stream of obstacles for each of them, and judges
 what the arm does: by PyBullet's distances of its meshes, and by how near it stays to the demonstrations.
 
@@ -65,6 +55,16 @@ A slow method is flattered: however long it thinks, its answer reaches the arm o
 in the output folder and not played again as long as the skill and the method's settings are the same, whichever
 version of the code played it: after a change of the code give another folder (--out).
 """
+
+from __future__ import annotations
+
+import argparse
+from importlib import import_module
+from pathlib import Path
+
+from geodesic_motion_ros.cli.arguments import HelpFormatter, add_json, given, name_list, needing, seed, writable
+from geodesic_motion_ros.utils.errors import ParameterError
+
 _EPILOG = """\
 examples:
   geodesic-motion benchmark
@@ -84,7 +84,7 @@ def add_command(commands: argparse._SubParsersAction) -> None:
     """Add the command to the parser of the command line."""
     parser = commands.add_parser(
         "benchmark", help="reactions to moving obstacles, beside replay, primitives, sampling and barriers",
-        description=_DESCRIPTION, epilog=_EPILOG, formatter_class=HelpFormatter,
+        description=__doc__, epilog=_EPILOG, formatter_class=HelpFormatter,
     )  # fmt: skip
     parser.add_argument(
         "--skill", default="panda_reach_to_grasp", metavar="SKILL", help="its folder, or the name of a shipped one"

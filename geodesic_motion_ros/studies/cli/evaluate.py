@@ -19,6 +19,7 @@ from geodesic_motion_ros.cli.arguments import (
     refuse_other_space,
     writable,
 )
+from geodesic_motion_ros.utils.tables import write_json
 
 if TYPE_CHECKING:
     from geodesic_motion_ros.demonstrations.demonstrations import Demonstrations
@@ -96,8 +97,9 @@ def run(arguments: argparse.Namespace) -> None:
     """Measure, print the table, write the file."""
     from geodesic_motion_ros.studies.experiments.folds import all_folds, default_folds, parse_folds
 
-    space = recorded_space(arguments)
-    refuse_other_space(arguments, space, {"task": (*RECORDING_OPTIONS["task"], "sheets"), "joint": ("robot",)})
+    space = recorded_space(arguments, arguments.demos)
+    refuse_other_space(arguments, space, {"task": (*RECORDING_OPTIONS["task"], "sheets"), "joint": ("robot",)},
+                       arguments.demos)
     read = read_joint_recording if space == "joint" else read_recording
     demonstrations = read(arguments, arguments.demos)
     count = len(demonstrations)
@@ -110,7 +112,7 @@ def run(arguments: argparse.Namespace) -> None:
     report = measure(demonstrations, folds, arguments)
     print(report.table())
     if arguments.json is not None:
-        report.write_json(arguments.json)
+        write_json(arguments.json, report.as_dict())
         print(f"wrote {arguments.json}")
 
 

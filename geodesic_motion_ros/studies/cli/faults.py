@@ -1,4 +1,12 @@
-"""`faults`: what planner and twin do when something goes wrong."""
+"""`faults`: what planner and twin do when something goes wrong.
+
+Runs the nodes `planner` and `twin` as two processes over real ROS 2, on this machine and heard by nobody else, injects
+one fault after the other, and measures what comes of it: at the start, before the arm has a goal; in motion; and near
+the goal. Besides the criterion of its row, every command of every run is judged: it must be finite, inside the limits
+with their margins, begin within 0.02 rad of what was last commanded, end at rest, and have no old stamp.
+
+Without names the faults that take seconds each, together about a quarter of an hour; --all adds the long ones.
+"""
 
 from __future__ import annotations
 
@@ -15,14 +23,6 @@ if TYPE_CHECKING:
     from geodesic_motion_ros.studies.faults.fault import Row
     from geodesic_motion_ros.studies.faults.suite import Case
 
-_DESCRIPTION = """\
-Runs the nodes `planner` and `twin` as two processes over real ROS 2, on this machine and heard by nobody else, injects
-one fault after the other, and measures what comes of it: at the start, before the arm has a goal; in motion; and near
-the goal. Besides the criterion of its row, every command of every run is judged: it must be finite, inside the limits
-with their margins, begin within 0.02 rad of what was last commanded, end at rest, and have no old stamp.
-
-Without names the faults that take seconds each, together about a quarter of an hour; --all adds the long ones.
-"""
 _EPILOG = """\
 examples:
   geodesic-motion faults
@@ -39,7 +39,7 @@ def add_command(commands: argparse._SubParsersAction) -> None:
     """Add the command to the parser of the command line."""
     parser = commands.add_parser(
         "faults", help="inject faults into planner and twin, and measure what they do (ROS 2, two processes)",
-        description=_DESCRIPTION, epilog=_EPILOG, formatter_class=HelpFormatter,
+        description=__doc__, epilog=_EPILOG, formatter_class=HelpFormatter,
     )  # fmt: skip
     parser.add_argument("--list", action="store_true", help="name all faults and when they pass, run nothing")
     parser.add_argument("--only", type=_names, metavar="NAME,NAME", help="these faults, long ones too")

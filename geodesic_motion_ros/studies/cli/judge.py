@@ -1,13 +1,5 @@
-"""`judge`: motions of any planner, as tables of joint positions, in the benchmark's scenes."""
+"""`judge`: motions of any planner, as tables of joint positions, in the benchmark's scenes.
 
-from __future__ import annotations
-
-import argparse
-from pathlib import Path
-
-from geodesic_motion_ros.cli.arguments import HelpFormatter, add_json, needing, writable
-
-_DESCRIPTION = """\
 Judges motions of a Panda in scenes that `benchmark --save-scenes` wrote, whichever program made the motions. The table
 that it prints has the columns of `benchmark`; those of processor time are empty.
 
@@ -22,6 +14,14 @@ judged    without physics, 200 times a second: contacts by PyBullet's distances 
           in motion or within 0.5 s after it, or of an arm that stands, as spheres cross, or chase the arm of the table;
           the goal within 10 mm and 0.1 rad, at rest; similarity
 """
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+from geodesic_motion_ros.cli.arguments import HelpFormatter, add_json, needing, writable
+
 _EPILOG = """\
 examples:
   geodesic-motion benchmark --skill panda_pouring --guard arm --scenes 20 --save-scenes scenes.npz
@@ -32,7 +32,7 @@ examples:
 def add_command(commands: argparse._SubParsersAction) -> None:
     """Add the command to the parser of the command line."""
     parser = commands.add_parser(
-        "judge", help="motions of any planner in the scenes of the benchmark", description=_DESCRIPTION,
+        "judge", help="motions of any planner in the scenes of the benchmark", description=__doc__,
         epilog=_EPILOG, formatter_class=HelpFormatter,
     )  # fmt: skip
     parser.add_argument("--scenes", type=Path, required=True, metavar="FILE", help="of benchmark --save-scenes")

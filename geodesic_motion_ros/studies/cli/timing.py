@@ -1,15 +1,4 @@
-"""`timing`: how fast the search engine answers, beside well-known graph libraries; its name was `bench`."""
-
-from __future__ import annotations
-
-import argparse
-import sys
-
-from geodesic_motion_ros.cli.arguments import HelpFormatter, add_json, indices, writable
-from geodesic_motion_ros.utils.errors import ParameterError
-
-_DESCRIPTION = """\
-Measures how long searches and ticks take; `benchmark` plays scenes and counts which of them are reached.
+"""`timing`: how fast the search engine answers, beside well-known graph libraries; `benchmark` plays scenes.
 
 Searches two graphs again and again while obstacles move: a large one that is made up (50x50x50 nodes, 26 neighbours,
 8 body points) and that of a skill. Prints one table for each, the stages of the planner's tick on the skill, and how a
@@ -48,6 +37,16 @@ cost, p99  of the band over that of the lattice's path, by the metric of the sea
 
 A loaded machine lengthens wall times; cpu and the ratios hold.
 """
+
+from __future__ import annotations
+
+import argparse
+import sys
+
+from geodesic_motion_ros.cli.arguments import HelpFormatter, add_json, indices, writable
+from geodesic_motion_ros.utils.errors import ParameterError
+from geodesic_motion_ros.utils.tables import write_json
+
 _EPILOG = """\
 examples:
   geodesic-motion timing
@@ -68,7 +67,7 @@ def add_command(commands: argparse._SubParsersAction) -> None:
     """Add the command to the parser of the command line."""
     parser = commands.add_parser(
         "timing", aliases=[_OLD_NAME], help="how fast the search answers while obstacles move, beside graph libraries",
-        description=_DESCRIPTION, epilog=_EPILOG, formatter_class=HelpFormatter,
+        description=__doc__, epilog=_EPILOG, formatter_class=HelpFormatter,
     )  # fmt: skip
     parser.add_argument(
         "--skill", nargs="+", metavar="SKILL",
@@ -117,5 +116,5 @@ def run(arguments: argparse.Namespace) -> None:
         report = measured_alone(skills[0], BenchSettings.quick() if arguments.quick else BenchSettings())
     print(report.table())
     if arguments.json is not None:
-        report.write_json(arguments.json)
+        write_json(arguments.json, report.as_dict())
         print(f"wrote {arguments.json}")

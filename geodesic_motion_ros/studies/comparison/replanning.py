@@ -95,7 +95,7 @@ class Replanning(ABC):
         local = switch - self._begin
         position, velocity, acceleration = self._played.sample(local)
         progress = float(self._played.latent_at(local)[0])
-        margin = 0.0 if obstacles.stand else MARGIN
+        margin = 0.0 if obstacles.is_static else MARGIN
         limits = self._arena.limits
         for path in self.paths(position, progress, obstacles):
             shares = np.linspace(progress, 1.0, len(path))[:, None]

@@ -71,8 +71,7 @@ class Results:
         """Write one down."""
         path = self._path(row, family, number)
         content = {"protocol": PROTOCOL, "settings": settings, "outcome": outcome.as_dict()}
-        # A file is whole or not there, whenever the run is interrupted.
-        write_json(path.with_suffix(".part"), content).replace(path)
+        write_json(path, content)
 
     def _path(self, row: str, family: Family, number: int) -> Path:
         return self._folder / row.replace(", ", "_").replace(" ", "_") / f"{family}_{number:04d}.json"

@@ -8,11 +8,9 @@ half free   at least half of them pass the sphere: there is a path that people t
 some free   fewer than half, but one at least
 none free   all of them run into the sphere: nobody demonstrated a path, and the planner should say so
 
-They are evaluated in two placements. `carried`: with their ends moved to the present start and goal, both offsets
-fading linearly in arc length, which is what a canonical sheet carried to a query is made of. `recorded`: where people
-moved, which is what the raw sheet has learned; to a path from another start they say less, since a sphere on that path
-may leave them free only because none of them came there. On both sheets a path may change over from one demonstration
-to another: `none free` does not always mean that there is no path.
+They are evaluated with their ends moved to the present start and goal, both offsets fading linearly in arc length,
+which is what a canonical sheet carried to a query is made of. A path may change over from one demonstration to another:
+`none free` does not always mean that there is no path.
 
 Spheres that cover the start or the goal are left out: being refused there proves nothing.
 
@@ -30,7 +28,9 @@ from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
+from matplotlib.figure import Figure
 
+from geodesic_motion_ros.cli.arguments import metres
 from geodesic_motion_ros.demonstrations.demonstrations import Demonstrations
 from geodesic_motion_ros.geometry.curves import Pose, PoseCurve, arc_length, arc_length_fractions, interpolate
 from geodesic_motion_ros.geometry.quaternions import to_rotation
@@ -40,7 +40,8 @@ from geodesic_motion_ros.planning.pose_path import PosePath, PosePathPlanner
 from geodesic_motion_ros.planning.settings import PlannerSettings
 from geodesic_motion_ros.planning.status import Verdict
 from geodesic_motion_ros.studies.experiments.imitation_judge import EVERY_END
-from geodesic_motion_ros.studies.experiments.trained import Trained
+from geodesic_motion_ros.studies.experiments.study import Report, option
+from geodesic_motion_ros.studies.experiments.trained import OfTrainings, Trained
 from geodesic_motion_ros.utils.errors import ParameterError
 from geodesic_motion_ros.utils.tables import text_table
 
@@ -51,36 +52,49 @@ INTERIOR = (0.25, 0.75)
 
 Freedom = Literal["half free", "some free", "none free"]
 FREEDOMS: tuple[Freedom, ...] = ("half free", "some free", "none free")
-Placement = Literal["recorded", "carried"]
-PLACEMENTS: tuple[Placement, ...] = ("carried", "recorded")
 
 
 @dataclass(frozen=True)
-class AvoidanceSettings:
-    """Which scenes are made.
+class Avoidance(OfTrainings):
+    """Make the scenes of every held-out demonstration of every skill, and plan in them.
 
     Attributes
     ----------
     radii : of the spheres [m]: small beside the spread of demonstrations, about as large, and larger.
-    tool_radius : of the sphere around the tool's origin [m] that must stay clear too. 0: the spheres' radii already
-        stand for obstacle and tool together.
-    scenes_per_query : spheres of each radius on the path of each held-out demonstration.
+    tool_radius : of the sphere around the tool's origin [m] that must stay clear too.
+    scenes : spheres of each radius on the path of each held-out demonstration.
     seed : of the places. planner : everything else, end offsets unlimited by default.
     """
 
-    radii: tuple[float, ...] = (0.02, 0.04, 0.08)
-    tool_radius: float = 0.0
-    scenes_per_query: int = 10
+    radii: tuple[float, ...] = option((0.02, 0.04, 0.08), "of spheres [m]", type=metres, metavar="M,M")
+    tool_radius: float = option(
+        0.0, "of a sphere around the tool's origin [m]; 0: the radii already stand for obstacle and tool together",
+        metavar="M",
+    )  # fmt: skip
+    scenes: int = option(8, "places on the path of each held-out demonstration", least=1)
+    sheet: str = option("canonical", "skills are learned on", choices=("canonical", "raw"))
     seed: int = 0
     planner: PlannerSettings = EVERY_END
 
     def __post_init__(self) -> None:
+        super().__post_init__()
         if not self.radii or min(self.radii) <= 0.0 or not all(map(math.isfinite, self.radii)):
             raise ParameterError(f"radii {self.radii}: give at least one, all positive [m]")
         if not (math.isfinite(self.tool_radius) and self.tool_radius >= 0.0):
             raise ParameterError(f"tool_radius is {self.tool_radius}; it must be 0 or positive [m]")
-        if self.scenes_per_query < 1:
-            raise ParameterError(f"scenes_per_query is {self.scenes_per_query}; at least 1 is needed")
+
+    def measured(self, skills: Iterable[Trained]) -> AvoidanceReport:
+        chosen = replace(self.planner, tool_points=((0.0, 0.0, 0.0),), tool_radii=(self.tool_radius,))
+        scenes: list[Scene] = []
+        refused = 0
+        for trained in skills:
+            planner = PosePathPlanner(trained.skill, chosen)
+            for index, item in zip(trained.fold, trained.held_out, strict=True):
+                query = Query(trained.task, index, trained.seed, item.curve.start, item.curve.goal)
+                made = _scenes_of(query, planner, carried(trained.shown, query.start, query.goal), self)
+                refused += made is None
+                scenes += made or []
+        return AvoidanceReport(self, tuple(scenes), refused)
 
 
 @dataclass(frozen=True)
@@ -91,7 +105,7 @@ class Scene:
     ----------
     task, demonstration, seed : whose start and goal, and which training of the skill.
     radius, centre, fraction : of the sphere [m], and where on the path it was put.
-    free_share : share of the training demonstrations that stay clear, per placement.
+    free_share : share of the training demonstrations that stay clear, carried to start and goal.
     code, reason : the verdict. answered : whether there was a reference.
     certified : clearance [m] the planner promises; measured : the same on the dense check; NaN without a reference.
     off_support : whether the reference leaves the skill's support.
@@ -103,7 +117,7 @@ class Scene:
     radius: float
     centre: tuple[float, float, float]
     fraction: float
-    free_share: dict[Placement, float]
+    free_share: float
     code: str
     reason: str
     answered: bool
@@ -111,12 +125,12 @@ class Scene:
     measured: float
     off_support: bool
 
-    def freedom(self, placement: Placement) -> Freedom:
+    @property
+    def freedom(self) -> Freedom:
         """How many demonstrations stay clear, in words."""
-        share = self.free_share[placement]
-        if share >= 0.5:
+        if self.free_share >= 0.5:
             return "half free"
-        return "some free" if share > 0.0 else "none free"
+        return "some free" if self.free_share > 0.0 else "none free"
 
     @property
     def through(self) -> bool:
@@ -129,30 +143,26 @@ Figures = dict[str, float | int | None]
 
 
 @dataclass(frozen=True)
-class AvoidanceReport:
+class AvoidanceReport(Report):
     """All scenes, and what they come to."""
 
-    settings: AvoidanceSettings
+    settings: Avoidance
     scenes: tuple[Scene, ...]
     queries_without_path: int
 
-    def summary(self, placement: Placement, scenes: Sequence[Scene] | None = None) -> dict[Freedom, Figures]:
-        """The figures of all scenes, or of some, by what the demonstrations in one placement leave free."""
+    def summary(self, scenes: Sequence[Scene] | None = None) -> dict[Freedom, Figures]:
+        """The figures of all scenes, or of some, by how many demonstrations are free."""
         chosen = self.scenes if scenes is None else scenes
-        return {kind: _figures([scene for scene in chosen if scene.freedom(placement) == kind]) for kind in FREEDOMS}
+        return {kind: _figures([scene for scene in chosen if scene.freedom == kind]) for kind in FREEDOMS}
 
     def as_dict(self) -> dict[str, Any]:
-        """What `--json` writes."""
         return {
             "tool_radius": self.settings.tool_radius,
             "radii": list(self.settings.radii),
             "queries_without_path": self.queries_without_path,
-            "summary": {placement: self.summary(placement) for placement in PLACEMENTS},
+            "summary": self.summary(),
             "by_task_and_radius": {
-                f"{task}, {1000 * radius:.0f} mm": {
-                    placement: self.summary(placement, scenes) for placement in PLACEMENTS
-                }
-                for (task, radius), scenes in self._groups()
+                f"{task}, {1000 * radius:.0f} mm": self.summary(scenes) for (task, radius), scenes in self._groups()
             },
             "scenes": [asdict(scene) | {"through": scene.through} for scene in self.scenes],
         }
@@ -163,12 +173,11 @@ class AvoidanceReport:
             "spheres", "demonstrations", "scenes", "answered", "through", "off support", "infeasible %", "least mm",
             "median mm",
         ]  # fmt: skip
-        parts = [(f"{task}, {1000 * radius:.0f} mm", "carried", scenes) for (task, radius), scenes in self._groups()]
-        parts += [(f"all, {placement}", placement, list(self.scenes)) for placement in PLACEMENTS]
+        parts = [(f"{task}, {1000 * radius:.0f} mm", scenes) for (task, radius), scenes in self._groups()]
         rows = [
             [name if kind == FREEDOMS[0] else "", kind, *figures.values()]
-            for name, placement, scenes in parts
-            for kind, figures in self.summary(placement, scenes).items()
+            for name, scenes in [*parts, ("all", list(self.scenes))]
+            for kind, figures in self.summary(scenes).items()
         ]
         notes = [
             f"tool radius {1000 * self.settings.tool_radius:.0f} mm; clearance measured every {1e3 * CHECK_STEP} mm"
@@ -181,20 +190,30 @@ class AvoidanceReport:
         keys = sorted({(scene.task, scene.radius) for scene in self.scenes})
         return [(key, [scene for scene in self.scenes if (scene.task, scene.radius) == key]) for key in keys]
 
-
-def measure_avoidance(skills: Iterable[Trained], settings: AvoidanceSettings = AvoidanceSettings()) -> AvoidanceReport:
-    """Make the scenes of every held-out demonstration of every skill, and plan in them."""
-    chosen = replace(settings.planner, tool_points=((0.0, 0.0, 0.0),), tool_radii=(settings.tool_radius,))
-    scenes: list[Scene] = []
-    refused = 0
-    for trained in skills:
-        planner = PosePathPlanner(trained.skill, chosen)
-        for index, item in zip(trained.fold, trained.held_out, strict=True):
-            query = Query(trained.task, index, trained.seed, item.curve.start, item.curve.goal)
-            made = _scenes_of(query, planner, placed(trained.shown, query.start, query.goal), settings)
-            refused += made is None
-            scenes += made or []
-    return AvoidanceReport(settings, tuple(scenes), refused)
+    def draw(self, path: Path) -> None:
+        """What became of the scenes, by radius and by what demonstrations leave free; clearances of the answers."""
+        figure = Figure(figsize=(12, 5), layout="constrained")
+        outcomes, clearances = figure.subplots(1, 2)
+        for radius in self.settings.radii:
+            scenes = [scene for scene in self.scenes if scene.radius == radius]
+            names = [f"{1000 * radius:.0f} mm, {kind}" for kind in FREEDOMS]
+            figures = list(self.summary(scenes).values())
+            answered = np.array([values["answered"] for values in figures])
+            refused = np.array([values["scenes"] for values in figures]) - answered
+            outcomes.barh(names, answered, color="tab:green", label="answered, clear")
+            outcomes.barh(names, refused, left=answered, color="tab:gray", label="declared infeasible")
+            through = [-values["through"] for values in figures]
+            outcomes.barh(names, through, color="tab:red", label="through the obstacle")
+            measured = [1e3 * scene.measured for scene in scenes if scene.answered]
+            clearances.hist(measured, bins=30, histtype="step", label=f"{1000 * radius:.0f} mm")
+        handles, labels = outcomes.get_legend_handles_labels()
+        figure.legend(handles[:3], labels[:3], loc="outside lower left", ncols=3)
+        outcomes.invert_yaxis()
+        outcomes.set(xlabel="scenes", title="spheres dead-centre on the path, demonstrations carried to its ends")
+        clearances.axvline(0.0, color="tab:red")
+        clearances.legend(title="radius")
+        clearances.set(xlabel="measured clearance [mm]", ylabel="paths", title="clearance on the dense check")
+        figure.savefig(path, dpi=110)
 
 
 @dataclass(frozen=True)
@@ -208,10 +227,14 @@ class Query:
     goal: Pose
 
 
-def placed(shown: Demonstrations, start: Pose, goal: Pose) -> dict[Placement, list[PoseCurve]]:
-    """The demonstrations where they were recorded, and with their ends moved to a start and a goal pose."""
-    moved = [PoseCurve(*correct_ends(item.positions, item.quaternions, start, goal)) for item in shown]
-    return {"recorded": [item.curve for item in shown], "carried": moved}
+def carried(shown: Demonstrations, start: Pose, goal: Pose) -> list[PoseCurve]:
+    """The demonstrations with their ends moved to a start and a goal pose."""
+    return [PoseCurve(*correct_ends(item.positions, item.quaternions, start, goal)) for item in shown]
+
+
+def free_share(curves: Sequence[PoseCurve], centre: np.ndarray, radius: float, settings: PlannerSettings) -> float:
+    """Share of curves along which the tool stays clear of a sphere."""
+    return float(np.mean([measured_clearance(curve, centre, radius, settings) > 0.0 for curve in curves]))
 
 
 def measured_clearance(curve: PoseCurve, centre: np.ndarray, radius: float, settings: PlannerSettings) -> float:
@@ -234,7 +257,7 @@ def measured_clearance(curve: PoseCurve, centre: np.ndarray, radius: float, sett
 
 
 def _scenes_of(
-    query: Query, planner: PosePathPlanner, shown: dict[Placement, list[PoseCurve]], settings: AvoidanceSettings
+    query: Query, planner: PosePathPlanner, shown: list[PoseCurve], settings: Avoidance
 ) -> list[Scene] | None:
     """The scenes on the path of one query; None where there is no path even without obstacles."""
     planner.set_obstacles(np.empty((0, 3)), np.empty(0))
@@ -242,7 +265,7 @@ def _scenes_of(
     if isinstance(path, Verdict):
         return None
     random = np.random.default_rng([settings.seed, query.seed, query.demonstration])
-    fractions = random.uniform(*INTERIOR, settings.scenes_per_query)
+    fractions = random.uniform(*INTERIOR, settings.scenes)
     centres, _ = interpolate(arc_length_fractions(path.positions), path.positions, path.quaternions, fractions)
     return [
         _scene(query, planner, shown, float(fraction), centre, radius)
@@ -260,7 +283,7 @@ def _covers(centre: np.ndarray, radius: float, query: Query) -> bool:
 def _scene(
     query: Query,
     planner: PosePathPlanner,
-    shown: dict[Placement, list[PoseCurve]],
+    shown: list[PoseCurve],
     fraction: float,
     centre: np.ndarray,
     radius: float,
@@ -268,12 +291,7 @@ def _scene(
     """Put the sphere there and plan."""
     planner.set_obstacles(centre[None], np.array([radius]))
     path = planner.plan(*query.start, *query.goal)
-    free = {
-        placement: float(
-            np.mean([measured_clearance(curve, centre, radius, planner.settings) > 0.0 for curve in curves])
-        )
-        for placement, curves in shown.items()
-    }
+    free = free_share(shown, centre, radius, planner.settings)
     measured, off_support = math.nan, False
     if isinstance(path, PosePath):
         sigma, _ = planner.skill.decoder.uncertainty(path.latent)
@@ -298,30 +316,3 @@ def _figures(scenes: Sequence[Scene]) -> Figures:
         "least_clearance_mm": min(answered, default=None),
         "median_clearance_mm": float(np.median(answered)) if answered else None,
     }
-
-
-def draw_avoidance(report: AvoidanceReport, path: Path) -> None:
-    """What became of the scenes, by radius and by what demonstrations leave free; clearances of the answers."""
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(12, 5), layout="constrained")
-    outcomes, clearances = figure.subplots(1, 2)
-    for radius in report.settings.radii:
-        scenes = [scene for scene in report.scenes if scene.radius == radius]
-        names = [f"{1000 * radius:.0f} mm, {kind}" for kind in FREEDOMS]
-        figures = list(report.summary("carried", scenes).values())
-        answered = np.array([values["answered"] for values in figures])
-        refused = np.array([values["scenes"] for values in figures]) - answered
-        outcomes.barh(names, answered, color="tab:green", label="answered, clear")
-        outcomes.barh(names, refused, left=answered, color="tab:gray", label="declared infeasible")
-        outcomes.barh(names, [-values["through"] for values in figures], color="tab:red", label="through the obstacle")
-        measured = [1e3 * scene.measured for scene in scenes if scene.answered]
-        clearances.hist(measured, bins=30, histtype="step", label=f"{1000 * radius:.0f} mm")
-    handles, labels = outcomes.get_legend_handles_labels()
-    figure.legend(handles[:3], labels[:3], loc="outside lower left", ncols=3)
-    outcomes.invert_yaxis()
-    outcomes.set(xlabel="scenes", title="spheres dead-centre on the path, demonstrations carried to its ends")
-    clearances.axvline(0.0, color="tab:red")
-    clearances.legend(title="radius")
-    clearances.set(xlabel="measured clearance [mm]", ylabel="paths", title="clearance on the dense check")
-    figure.savefig(path, dpi=110)

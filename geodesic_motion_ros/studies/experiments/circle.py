@@ -43,8 +43,8 @@ from geodesic_motion_ros.studies.experiments.joint_models import (
 )
 from geodesic_motion_ros.studies.experiments.latent_pictures import between_samples, draw_haloed, grid_around
 from geodesic_motion_ros.studies.experiments.metric_graph import MetricGraph, evenly
-from geodesic_motion_ros.studies.experiments.posture_strip import posture_strips
-from geodesic_motion_ros.utils.errors import ParameterError
+from geodesic_motion_ros.studies.experiments.posture_strip import draw_strip, posture_strips
+from geodesic_motion_ros.studies.experiments.study import Report, Study, seeds
 from geodesic_motion_ros.utils.tables import text_table
 from geodesic_motion_ros.visualization.plots import BLUE, GREEN, ORANGE, VERMILION, legend_below, write_figure
 
@@ -62,8 +62,6 @@ TRAINING = JointTrainingSettings(
     precision_samples=2,
 )  # fmt: skip
 _COLOURS = (BLUE, ORANGE, GREEN, VERMILION)
-
-Progress = Callable[[str], None]
 
 
 @dataclass(frozen=True)
@@ -123,7 +121,7 @@ class CircleRow:
 
 
 @dataclass(frozen=True)
-class CircleReport:
+class CircleReport(Report):
     """All rows."""
 
     shown: Circles
@@ -134,13 +132,47 @@ class CircleReport:
         return [row for row in self.rows if row.dimension == dimension]
 
     def as_dict(self) -> dict[str, Any]:
-        """What `--json` writes."""
         return {"rows": [row.figures() for row in self.rows]}
 
     def table(self) -> str:
         """The table as plain text."""
         head = ["latent", "seed", "error mm", "paths", "none", "switches", "switching", "off deg"]
         return text_table(head, [list(row.figures().values()) for row in self.rows], digits=1)
+
+    def draw(self, path: Path) -> None:
+        """Of the seed with most switches both latent spaces and its worst path, the joints along it and the arm; of
+        every seed, which family is where.
+        """
+        figure = Figure(figsize=(10.0, 12.4), layout="constrained")
+        grid = figure.add_gridspec(5, 2, height_ratios=(1.25, 1.0, 0.9, 0.55, 0.55))
+        for column, dimension in enumerate((2, 3)):
+            rows = self.of(dimension)
+            space = figure.add_subplot(grid[0, column], **({"projection": "3d"} if dimension == 3 else {}))
+            worst = max(rows, key=lambda row: row.switches)
+            _draw_codes(space, self.shown, worst)
+            if worst.paths:
+                drawn = max(worst.paths, key=lambda item: item.switches)
+                draw_haloed(space, drawn.latent, "black", "-")
+                space.plot(*drawn.latent[[0, -1]].T, "o", color="black", markeredgecolor="white", zorder=6)
+                _draw_joints(figure.add_subplot(grid[2, column]), drawn, "ef"[column])
+                strip = posture_strips([drawn.configurations], [{}], width=300, height=200, postures=6)
+                name = f"{'gh'[column]}  the arm along the path of {'ab'[column]}"
+                draw_strip(figure.add_subplot(grid[3 + column, :]), strip, name)
+            title = f"{'ab'[column]}  {dimension} latent dimensions, seed {worst.seed}"
+            space.set_title(title, loc="left", fontsize=11)
+            axes = figure.add_subplot(grid[1, column])
+            _draw_families(axes, rows)
+            switches = sum(row.switches for row in rows)
+            seeds = "1 seed" if len(rows) == 1 else f"{len(rows)} seeds"
+            title = f"{'cd'[column]}  {switches} switches on {sum(len(row.paths) for row in rows)} paths, {seeds}"
+            axes.set_title(title, loc="left", fontsize=11)
+        handles = [
+            Line2D([], [], color=colour, linewidth=2.0, label=f"elbow at {np.degrees(swivel):.0f} deg")
+            for colour, swivel in zip(_COLOURS, SWIVELS, strict=True)
+        ]
+        handles.append(Line2D([], [], color="black", linewidth=2.2, label="geodesic that switches most, or the first"))
+        legend_below(figure, handles)
+        write_figure(figure, path)
 
 
 def shown_circles(per_family: int = SHOWN, samples: int = SAMPLES, seed: int = 0) -> Circles:
@@ -152,30 +184,22 @@ def shown_circles(per_family: int = SHOWN, samples: int = SAMPLES, seed: int = 0
     return Circles(np.stack(curves), len(SWIVELS))
 
 
-def measure_circle(
-    seeds: Sequence[int] = (0, 1, 2),
-    settings: JointTrainingSettings = TRAINING,
-    shown: Circles | None = None,
-    dimensions: Sequence[int] = (2, 3),
-    progress: Progress | None = None,
-    folder: Path = Path("out/experiments/models"),
-) -> CircleReport:
+@dataclass(frozen=True)
+class Circle(Study):
     """Learn the circles in each number of dimensions, once for every seed, and count.
 
-    Parameters
-    ----------
-    settings : its seed and its latent dimension are replaced. shown : None: `shown_circles`. progress : receives what
-        begins. folder : where trained models are kept, see `models`.
-
-    Raises
-    ------
-    ParameterError : no seeds or no dimensions.
+    training : its seed and its latent dimension are replaced. shown : None: `shown_circles`.
     """
-    if not seeds or not dimensions:
-        raise ParameterError("no seeds or no dimensions: at least one training is needed")
-    robot, shown = Robot.named("panda"), shown or shown_circles()
-    learned = models(shown.configurations, robot, dimensions, seeds, settings, progress, folder)
-    return CircleReport(shown, tuple(_measured(vae, shown, robot, chosen) for vae, chosen in learned))
+
+    seeds: tuple[int, ...] = seeds("two trainings each")
+    dimensions: tuple[int, ...] = (2, 3)
+    training: JointTrainingSettings = TRAINING
+    shown: Circles | None = None
+
+    def measure(self, out: Path) -> CircleReport:
+        robot, shown = Robot.named("panda"), self.shown or shown_circles()
+        learned = models(shown.configurations, robot, self.dimensions, self.seeds, self.training, out / "models")
+        return CircleReport(shown, tuple(_measured(vae, shown, robot, chosen) for vae, chosen in learned))
 
 
 def _measured(vae: JointSpaceVAE, shown: Circles, robot: Robot, settings: JointTrainingSettings) -> CircleRow:
@@ -216,46 +240,6 @@ def circle_paths(
             families = nearest // (fine.shape[1] * shown.per_family)
             paths.append(CirclePath(latent, configurations, number // shown.per_family, families, float(off.max())))
     return paths, apart
-
-
-def draw_circle(report: CircleReport, path: Path) -> None:
-    """Of the seed with most switches both latent spaces and its worst path, the joints along it and the arm; of every
-    seed, which family is where.
-    """
-    figure = Figure(figsize=(10.0, 12.4), layout="constrained")
-    grid = figure.add_gridspec(5, 2, height_ratios=(1.25, 1.0, 0.9, 0.55, 0.55))
-    for column, dimension in enumerate((2, 3)):
-        rows = report.of(dimension)
-        space = figure.add_subplot(grid[0, column], **({"projection": "3d"} if dimension == 3 else {}))
-        worst = max(rows, key=lambda row: row.switches)
-        _draw_codes(space, report.shown, worst)
-        if worst.paths:
-            drawn = max(worst.paths, key=lambda item: item.switches)
-            draw_haloed(space, drawn.latent, "black", "-")
-            space.plot(*drawn.latent[[0, -1]].T, "o", color="black", markeredgecolor="white", zorder=6)
-            _draw_joints(figure.add_subplot(grid[2, column]), drawn, "ef"[column])
-            strip = figure.add_subplot(grid[3 + column, :])
-            strip.imshow(posture_strips([drawn.configurations], [{}], width=300, height=200, postures=6))
-            strip.set_axis_off()
-            strip.set_title(f"{'gh'[column]}  the arm along the path of {'ab'[column]}", loc="left", fontsize=11)
-        title = f"{'ab'[column]}  {dimension} latent dimensions, seed {worst.seed}"
-        space.set_title(title, loc="left", fontsize=11)
-        axes = figure.add_subplot(grid[1, column])
-        _draw_families(axes, rows)
-        switches = sum(row.switches for row in rows)
-        seeds = "1 seed" if len(rows) == 1 else f"{len(rows)} seeds"
-        axes.set_title(f"{'cd'[column]}  {switches} switches on {_count(rows)} paths, {seeds}", loc="left", fontsize=11)
-    handles = [
-        Line2D([], [], color=colour, linewidth=2.0, label=f"elbow at {np.degrees(swivel):.0f} deg")
-        for colour, swivel in zip(_COLOURS, SWIVELS, strict=True)
-    ]
-    handles.append(Line2D([], [], color="black", linewidth=2.2, label="geodesic that switches most, or the first"))
-    legend_below(figure, handles)
-    write_figure(figure, path)
-
-
-def _count(rows: Sequence[CircleRow]) -> int:
-    return sum(len(row.paths) for row in rows)
 
 
 def _draw_joints(axes: Axes, path: CirclePath, letter: str) -> None:

@@ -17,6 +17,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from matplotlib.figure import Figure
 from scipy.spatial import cKDTree
 
 from geodesic_motion_ros.geometry.curves import PoseCurve
@@ -24,7 +25,8 @@ from geodesic_motion_ros.manifold.encoder import TaskSpaceEncoder
 from geodesic_motion_ros.manifold.pose_graph import PoseGraph
 from geodesic_motion_ros.skill.skill import Skill
 from geodesic_motion_ros.studies.experiments.learned_paths import LearnedPaths, supported_box, whole_box
-from geodesic_motion_ros.studies.experiments.trained import Trained
+from geodesic_motion_ros.studies.experiments.study import Report
+from geodesic_motion_ros.studies.experiments.trained import OfTrainings, Trained
 from geodesic_motion_ros.utils.errors import ParameterError
 from geodesic_motion_ros.utils.tables import Cell, text_table
 
@@ -163,7 +165,7 @@ def judged_table(named: Mapping[str, Sequence[Crossing]]) -> str:
 
 
 @dataclass(frozen=True)
-class CrossingReport:
+class CrossingReport(Report):
     """Crossings of every motion that the skills were trained on, by task."""
 
     crossings: dict[str, tuple[Crossing, ...]]
@@ -176,7 +178,6 @@ class CrossingReport:
         return self.crossings | {"all": tuple(item for items in self.crossings.values() for item in items)}
 
     def as_dict(self) -> dict[str, Any]:
-        """What `--json` writes."""
         paths = {task: [asdict(item) for item in items] for task, items in self.crossings.items()}
         criterion = {
             task: {graph: judged_summary(items, graph) for graph in GRAPHS} for task, items in self._with_all().items()
@@ -189,14 +190,33 @@ class CrossingReport:
         ratios = text_table(head, [[task, *figures.values()] for task, figures in self.summary().items()])
         return f"{ratios}\n\n{judged_table(self._with_all())}"
 
+    def draw(self, path: Path) -> None:
+        """Energies across the clusters beside those within, one point for each motion."""
+        figure = Figure(figsize=(6, 5), layout="constrained")
+        axes = figure.subplots()
+        for task, items in self.crossings.items():
+            axes.plot([item.within for item in items], [item.across for item in items], "o", alpha=0.6, label=task)
+        within = [item.within for items in self.crossings.values() for item in items]
+        line = np.array([min(within), max(within)])
+        axes.plot(line, 100.0 * line, "k--", label="100 times")
+        axes.set(xscale="log", yscale="log", xlabel="energy within a cluster", ylabel="energy across the clusters")
+        axes.legend()
+        figure.savefig(path, dpi=110)
 
-def crossing_report(skills: Iterable[Trained]) -> CrossingReport:
-    """Measure the motions that each skill was trained on; ParameterError where a skill has no two clusters."""
-    crossings: dict[str, tuple[Crossing, ...]] = {}
-    for trained in skills:
-        found = measure_crossings(trained.skill, [item.curve for item in trained.shown])
-        crossings[trained.task] = (*crossings.get(trained.task, ()), *found)
-    return CrossingReport(crossings)
+
+@dataclass(frozen=True)
+class CrossingClusters(OfTrainings):
+    """Measure the motions that each skill was trained on; clusters of q and -q are the paper's, on the raw sheet."""
+
+    sheet: str = "raw"
+
+    def measured(self, skills: Iterable[Trained]) -> CrossingReport:
+        """ParameterError: a skill has no two clusters."""
+        crossings: dict[str, tuple[Crossing, ...]] = {}
+        for trained in skills:
+            found = measure_crossings(trained.skill, [item.curve for item in trained.shown])
+            crossings[trained.task] = (*crossings.get(trained.task, ()), *found)
+        return CrossingReport(crossings)
 
 
 def _summary(items: Sequence[Crossing]) -> dict[str, float | int]:
@@ -208,19 +228,3 @@ def _summary(items: Sequence[Crossing]) -> dict[str, float | int]:
         "median_edge_ratio": float(np.median([item.edge_ratio for item in items])),
         "sign_flips": sum(item.sign_flip for item in items),
     }
-
-
-def draw_crossings(report: CrossingReport, path: Path) -> None:
-    """Energies across the clusters beside those within, one point for each motion."""
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(6, 5), layout="constrained")
-    axes = figure.subplots()
-    for task, items in report.crossings.items():
-        axes.plot([item.within for item in items], [item.across for item in items], "o", alpha=0.6, label=task)
-    within = [item.within for items in report.crossings.values() for item in items]
-    line = np.array([min(within), max(within)])
-    axes.plot(line, 100.0 * line, "k--", label="100 times")
-    axes.set(xscale="log", yscale="log", xlabel="energy within a cluster", ylabel="energy across the clusters")
-    axes.legend()
-    figure.savefig(path, dpi=110)

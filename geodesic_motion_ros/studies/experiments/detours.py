@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 
+from geodesic_motion_ros.cli.arguments import metres
 from geodesic_motion_ros.obstacles.obstacles import Obstacles
 from geodesic_motion_ros.planning.arm_clearance import obstacle_clearance
 from geodesic_motion_ros.planning.declared_scene import DeclaredScene
@@ -21,6 +22,8 @@ from geodesic_motion_ros.planning.planner import ReactivePlanner
 from geodesic_motion_ros.planning.settings import LARGEST_DETOUR, PlannerSettings
 from geodesic_motion_ros.simulation.world import ArmWorld
 from geodesic_motion_ros.skill.skill import Skill
+from geodesic_motion_ros.studies.experiments.study import OfSkill, Report, option
+from geodesic_motion_ros.trajectory.trajectory import JointReference
 from geodesic_motion_ros.utils.errors import ExperimentError, ParameterError
 from geodesic_motion_ros.utils.tables import Cell, text_table
 from geodesic_motion_ros.visualization.plots import write_figure
@@ -53,7 +56,7 @@ class DetourRun:
 
 
 @dataclass(frozen=True, eq=False)
-class DetoursReport:
+class DetoursReport(Report):
     """The sphere, the tool's path where it is not there, (n, 3) [m], and what the arm did with each largest detour."""
 
     skill: str
@@ -63,7 +66,6 @@ class DetoursReport:
     runs: tuple[DetourRun, ...]
 
     def as_dict(self) -> dict[str, Any]:
-        """What the command writes."""
         return {
             "skill": self.skill, "centre_m": self.centre, "radius_m": self.radius,
             "runs": [
@@ -86,41 +88,78 @@ class DetoursReport:
         title = f"{self.skill}: a sphere of {100.0 * self.radius:.1f} cm appears on the tool's path"
         return "\n".join([title, text_table(head, rows, digits=1, left=(0, 1))])
 
+    def draw(self, path: Path) -> None:
+        """A panel for each largest detour: the tool's path, and the arm where that is farthest from the one without the
+        sphere, or where it stopped.
+        """
+        figure = Figure(figsize=(4.0 * len(self.runs), 4.15), layout="constrained")
+        figure.get_layout_engine().set(w_pad=0.02, h_pad=0.02, wspace=0.0, hspace=0.0)
+        panels = figure.subplots(1, len(self.runs), squeeze=False)[0]
+        with ArmWorld(scene=DeclaredScene.named("table")) as world:
+            world.set_obstacles({"sphere": (self.centre, self.radius)})
+            for axes, run in zip(panels, self.runs, strict=True):
+                tool = np.array([world.robot.forward(posture)[0] for posture in run.postures])
+                world.add_curve(self.nominal, _NOMINAL, radius=0.003)
+                world.add_curve(tool, _PLAYED, radius=0.006)
+                away = np.min(np.linalg.norm(tool[:, None] - self.nominal, axis=2), axis=1)
+                world.reset(run.postures[int(np.argmax(away)) if run.reached else -1])
+                axes.imshow(world.render(_WIDTH, _HEIGHT, "front", oversampling=2))
+                world.clear_curves()
+                axes.set(xticks=[], yticks=[])
+                axes.set_title(f"detour {100.0 * run.detour:.0f} cm: {_outcome(run)}", fontsize=12)
+        write_figure(figure, path)
 
-def measure_detours(
-    skill: Skill, detours: Sequence[float], radius: float, place: float, appears: float
-) -> DetoursReport:
+
+@dataclass(frozen=True)
+class Detours(OfSkill):
     """Play one motion with each largest detour [m].
 
-    Parameters
-    ----------
-    radius : of the sphere [m]. place : share of the motion's time at which the tool would be at its centre. appears :
-        share of that time at which it appears.
-
-    Raises
-    ------
-    ParameterError : a detour, the radius or a share is none. ExperimentError : no path to the skill's goal.
+    place : share of the motion's time at which the tool would be at the sphere's centre. appears : share of that time
+    at which it appears.
     """
+
+    detours: tuple[float, ...] = option(
+        (0.0, 0.1, 0.2), "how far the tool may leave it [m]", type=metres, metavar="M,M"
+    )  # fmt: skip
+    radius: float = option(0.065, "of the sphere [m]", metavar="M")
+    place: float = option(0.45, "share of the motion at which the tool meets it")
+    appears: float = option(0.2, "share of the motion at which it appears")
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        check_detours(self.detours)
+        if not (self.radius > 0.0 and 0.0 <= self.appears < self.place < 1.0):
+            raise ParameterError(
+                f"radius {self.radius}, appears {self.appears}, place {self.place}: a positive radius is needed, and "
+                "0 <= appears < place < 1"
+            )
+
+    def measured(self, skill: Skill) -> DetoursReport:
+        """ExperimentError: no path to the skill's goal."""
+        planner = ReactivePlanner(skill, PlannerSettings(patience=PATIENCE), scene=DeclaredScene.empty())
+        reference = free_motion(planner)
+        forward = planner.robot.forward
+        centre = forward(reference.sample(self.place * reference.duration)[0])[0]
+        sphere = Obstacles.of_spheres(centre[None], np.array([self.radius]))
+        path = reference.samples(np.linspace(0.0, reference.duration, 200))[0]
+        begins = reference.positions[0], skill.goal_pose, sphere, self.appears * reference.duration
+        runs = [_played(planner, *begins, detour) for detour in self.detours]
+        return DetoursReport(skill.name, centre, self.radius, np.array([forward(q)[0] for q in path]), tuple(runs))
+
+
+def check_detours(detours: Sequence[float]) -> None:
+    """ParameterError where there are none, or one that no planner takes."""
     if not detours or not all(0.0 <= detour <= LARGEST_DETOUR for detour in detours):
         raise ParameterError(f"detours {', '.join(map(str, detours))} m: they must be from 0 to {LARGEST_DETOUR} m")
-    if not (radius > 0.0 and 0.0 <= appears < place < 1.0):
-        raise ParameterError(
-            f"radius {radius}, appears {appears}, place {place}: a positive radius is needed, and "
-            "0 <= appears < place < 1"
-        )
-    planner = ReactivePlanner(skill, PlannerSettings(patience=PATIENCE), scene=DeclaredScene.empty())
-    start, goal = skill.start_pose, skill.goal_pose
-    nominal = planner.plan(start[:3], start[3:], goal[:3], goal[3:])
-    reference = nominal.reference
-    if reference is None:
-        raise ExperimentError(f"skill '{skill.name}' has no path from its start to its goal: {nominal.verdict.reason}")
-    forward = planner.robot.forward
-    centre = forward(reference.sample(place * reference.duration)[0])[0]
-    sphere = Obstacles.of_spheres(centre[None], np.array([radius]))
-    path = reference.samples(np.linspace(0.0, reference.duration, 200))[0]
-    begins = reference.positions[0], goal, sphere, appears * reference.duration
-    runs = [_played(planner, *begins, detour) for detour in detours]
-    return DetoursReport(skill.name, centre, radius, np.array([forward(q)[0] for q in path]), tuple(runs))
+
+
+def free_motion(planner: ReactivePlanner) -> JointReference:
+    """From the start of the planner's skill to its goal, without obstacles; ExperimentError where there is none."""
+    skill = planner.skill
+    plan = planner.plan(*np.split(skill.start_pose, [3]), *np.split(skill.goal_pose, [3]))
+    if plan.reference is None:
+        raise ExperimentError(f"skill '{skill.name}' has no path from its start to its goal: {plan.verdict.reason}")
+    return plan.reference
 
 
 def _played(
@@ -151,28 +190,6 @@ def _played(
         detour, displacement, np.array(postures[: moved + 1]), reached, "" if reached else plan.verdict.reason,
         float(min(apart)), moved * TICK,
     )  # fmt: skip
-
-
-def draw_detours(report: DetoursReport, path: Path) -> None:
-    """A panel for each largest detour: the tool's path, and the arm where that is farthest from the one without the
-    sphere, or where it stopped.
-    """
-    figure = Figure(figsize=(4.0 * len(report.runs), 4.15), layout="constrained")
-    figure.get_layout_engine().set(w_pad=0.02, h_pad=0.02, wspace=0.0, hspace=0.0)
-    panels = figure.subplots(1, len(report.runs), squeeze=False)[0]
-    with ArmWorld(scene=DeclaredScene.named("table")) as world:
-        world.set_obstacles({"sphere": (report.centre, report.radius)})
-        for axes, run in zip(panels, report.runs, strict=True):
-            tool = np.array([world.robot.forward(posture)[0] for posture in run.postures])
-            world.add_curve(report.nominal, _NOMINAL, radius=0.003)
-            world.add_curve(tool, _PLAYED, radius=0.006)
-            away = np.min(np.linalg.norm(tool[:, None] - report.nominal, axis=2), axis=1)
-            world.reset(run.postures[int(np.argmax(away)) if run.reached else -1])
-            axes.imshow(world.render(_WIDTH, _HEIGHT, "front", oversampling=2))
-            world.clear_curves()
-            axes.set(xticks=[], yticks=[])
-            axes.set_title(f"detour {100.0 * run.detour:.0f} cm: {_outcome(run)}", fontsize=12)
-    write_figure(figure, path)
 
 
 def _outcome(run: DetourRun) -> str:

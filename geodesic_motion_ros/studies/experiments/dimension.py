@@ -21,7 +21,6 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
@@ -45,8 +44,8 @@ from geodesic_motion_ros.studies.experiments.joint_models import (
 )
 from geodesic_motion_ros.studies.experiments.latent_pictures import grid_around
 from geodesic_motion_ros.studies.experiments.metric_graph import MetricGraph, evenly, latent_length
+from geodesic_motion_ros.studies.experiments.study import Report, Study, seeds
 from geodesic_motion_ros.studies.tools.joint_metric import JointPullbackMetric
-from geodesic_motion_ros.utils.errors import ParameterError
 from geodesic_motion_ros.utils.tables import text_table
 from geodesic_motion_ros.visualization.plots import BLUE, VERMILION, write_figure
 
@@ -64,8 +63,6 @@ TRAINING = JointTrainingSettings(
 #: Marks on the axis of lengths.
 _RATIOS = (1.0, 1.5, 2.0, 3.0, 5.0, 8.0)
 _COLOURS = {"grid": BLUE, "neighbours": VERMILION}
-
-Progress = Callable[[str], None]
 
 
 @dataclass(frozen=True)
@@ -105,13 +102,12 @@ class DimensionRow:
 
 
 @dataclass(frozen=True)
-class DimensionReport:
+class DimensionReport(Report):
     """All rows."""
 
     rows: tuple[DimensionRow, ...]
 
     def as_dict(self) -> dict[str, Any]:
-        """What `--json` writes."""
         return {"rows": [asdict(row) for row in self.rows]}
 
     def table(self) -> str:
@@ -121,6 +117,40 @@ class DimensionReport:
             "MB", "build s", "path ms",
         ]  # fmt: skip
         return text_table(head, [list(asdict(row).values()) for row in self.rows], left=(0, 2))
+
+    def draw(self, path: Path) -> None:
+        """Over the number of latent dimensions: reconstruction, quality of paths, time, memory; every seed a mark."""
+        figure = Figure(figsize=(10.0, 6.4), layout="constrained")
+        panels = figure.subplots(2, 2)
+        error = [row for row in self.rows if row.graph == "grid"]
+        for name, marker, values in (
+            ("learned", "o", [row.error_mm for row in error]),
+            ("held out", "s", [row.held_out_mm for row in error]),
+        ):
+            panels[0, 0].plot([row.dimension for row in error], values, marker, color="black", label=name,
+                              markerfacecolor="none" if marker == "s" else "black")  # fmt: skip
+        panels[0, 0].set_ylabel("error of the tool, given back [mm]")
+        for axes, which, label in (
+            (panels[0, 1], "length", "length over the better graph's"),
+            (panels[1, 0], "build_s", "time to build the graph [s]"),
+            (panels[1, 1], "megabytes", "memory of the graph [MB]"),
+        ):
+            for graph, colour in _COLOURS.items():
+                rows = [row for row in self.rows if row.graph == graph]
+                values = [getattr(row, which) for row in rows]
+                axes.plot([row.dimension for row in rows], values, "o", color=colour, label=graph)
+            axes.set_ylabel(label)
+        titles = ("a  reconstruction", "b  path quality", "c  time", "d  memory")
+        for axes, title in zip(panels.flat, titles, strict=True):
+            axes.set_title(title, loc="left", fontsize=11)
+            axes.set(xlabel="latent dimensions", xticks=sorted({row.dimension for row in self.rows}))
+            axes.grid(alpha=0.3)
+            axes.legend(frameon=False)
+        for axes in panels.flat[1:]:
+            axes.set_yscale("log")
+        panels[0, 1].set_yticks(_RATIOS, [f"{ratio:g}" for ratio in _RATIOS])
+        panels[0, 1].minorticks_off()
+        write_figure(figure, path)
 
 
 @dataclass(frozen=True)
@@ -142,29 +172,22 @@ def shown_reaches(per_family: int = SHOWN, samples: int = SAMPLES, seed: int = 0
     return Reaches(np.stack(curves).reshape(FAMILIES, per_family, samples, -1))
 
 
-def measure_dimension(
-    dimensions: Sequence[int] = (2, 3, 4, 5),
-    seeds: Sequence[int] = (0,),
-    settings: JointTrainingSettings = TRAINING,
-    shown: Reaches | None = None,
-    progress: Progress | None = None,
-) -> DimensionReport:
+@dataclass(frozen=True)
+class Dimension(Study):
     """Learn in each number of dimensions, once for every seed, and search on both graphs.
 
-    Parameters
-    ----------
-    settings : its seed and its latent dimension are replaced. shown : None: `shown_reaches`. progress : receives what
-        begins.
-
-    Raises
-    ------
-    ParameterError : no seeds, or dimensions that there is no lattice for.
+    training : its seed and its latent dimension are replaced. shown : None: `shown_reaches`.
     """
-    if not seeds or not dimensions or not set(dimensions) <= set(SIDES):
-        raise ParameterError(f"dimensions {tuple(dimensions)}, seeds {tuple(seeds)}: give some, dimensions from 2 to 5")
-    robot, shown = Robot.named("panda"), shown or shown_reaches()
-    learned = models(shown.shown, robot, dimensions, seeds, settings, progress)
-    return DimensionReport(tuple(row for vae, chosen in learned for row in _measured(vae, shown, robot, chosen)))
+
+    seeds: tuple[int, ...] = seeds("four trainings each", (0, 1))
+    dimensions: tuple[int, ...] = (2, 3, 4, 5)
+    training: JointTrainingSettings = TRAINING
+    shown: Reaches | None = None
+
+    def measure(self, out: Path) -> DimensionReport:
+        robot, shown = Robot.named("panda"), self.shown or shown_reaches()
+        learned = models(shown.shown, robot, self.dimensions, self.seeds, self.training)
+        return DimensionReport(tuple(row for vae, chosen in learned for row in _measured(vae, shown, robot, chosen)))
 
 
 def _measured(vae: JointSpaceVAE, shown: Reaches, robot: Robot, settings: JointTrainingSettings) -> list[DimensionRow]:
@@ -228,37 +251,3 @@ def _timed_path(graph: MetricGraph, code: np.ndarray) -> tuple[np.ndarray | None
     began = time.thread_time()
     path = graph.path(code[0], code[-1])
     return path, time.thread_time() - began
-
-
-def draw_dimension(report: DimensionReport, path: Path) -> None:
-    """Against the number of latent dimensions: reconstruction, quality of paths, time and memory; every seed a mark."""
-    figure = Figure(figsize=(10.0, 6.4), layout="constrained")
-    panels = figure.subplots(2, 2)
-    error = [row for row in report.rows if row.graph == "grid"]
-    for name, marker, values in (
-        ("learned", "o", [row.error_mm for row in error]),
-        ("held out", "s", [row.held_out_mm for row in error]),
-    ):
-        panels[0, 0].plot([row.dimension for row in error], values, marker, color="black", label=name,
-                          markerfacecolor="none" if marker == "s" else "black")  # fmt: skip
-    panels[0, 0].set_ylabel("error of the tool, given back [mm]")
-    for axes, which, label in (
-        (panels[0, 1], "length", "length over the better graph's"),
-        (panels[1, 0], "build_s", "time to build the graph [s]"),
-        (panels[1, 1], "megabytes", "memory of the graph [MB]"),
-    ):
-        for graph, colour in _COLOURS.items():
-            rows = [row for row in report.rows if row.graph == graph]
-            values = [getattr(row, which) for row in rows]
-            axes.plot([row.dimension for row in rows], values, "o", color=colour, label=graph)
-        axes.set_ylabel(label)
-    for axes, title in zip(panels.flat, ("a  reconstruction", "b  path quality", "c  time", "d  memory"), strict=True):
-        axes.set_title(title, loc="left", fontsize=11)
-        axes.set(xlabel="latent dimensions", xticks=sorted({row.dimension for row in report.rows}))
-        axes.grid(alpha=0.3)
-        axes.legend(frameon=False)
-    for axes in panels.flat[1:]:
-        axes.set_yscale("log")
-    panels[0, 1].set_yticks(_RATIOS, [f"{ratio:g}" for ratio in _RATIOS])
-    panels[0, 1].minorticks_off()
-    write_figure(figure, path)

@@ -22,7 +22,6 @@ class Execution:
     ----------
     times : (k,) [s]; configurations : (k, eta) [rad] as measured; tool : (k, 3) [m] positions of the tool.
     tracking_error : largest difference of a joint from what it was to do at the time [rad].
-    goal_error : distance of the tool from where the reference ends, at the end [m].
     clearance : least distance of the arm from what stands on the table [m], by PyBullet.
     """
 
@@ -30,7 +29,6 @@ class Execution:
     configurations: np.ndarray
     tool: np.ndarray
     tracking_error: float
-    goal_error: float
     clearance: float
 
 
@@ -50,7 +48,4 @@ def play(world: TabletopWorld, reference: JointReference) -> Execution:
     configurations = np.array(done)
     tool = np.array([world.robot.forward(configuration)[0] for configuration in configurations])
     behind = np.abs(configurations - reference.samples(np.array(times))[0])
-    ended = np.linalg.norm(tool[-1] - world.robot.forward(reference.positions[-1])[0])
-    return Execution(
-        np.array(times), configurations, tool, float(behind.max()), float(ended), float(clearance)
-    )  # fmt: skip
+    return Execution(np.array(times), configurations, tool, float(behind.max()), float(clearance))

@@ -46,6 +46,7 @@ from geodesic_motion_ros.planning.path_smoothing import resample_latent, smooth_
 from geodesic_motion_ros.skill.skill import Skill
 from geodesic_motion_ros.studies.experiments.latent_pictures import MAGNIFICATION_LABEL, draw_haloed
 from geodesic_motion_ros.studies.experiments.metric_graph import metric_tensors
+from geodesic_motion_ros.studies.experiments.study import OfSkill, Report, option
 from geodesic_motion_ros.studies.tools.geodesic import continuous_geodesic
 from geodesic_motion_ros.studies.tools.metric import PullbackMetric, curve_length
 from geodesic_motion_ros.utils.errors import ParameterError
@@ -84,7 +85,7 @@ class Found:
 
 
 @dataclass(frozen=True)
-class GeodesicsReport:
+class GeodesicsReport(Report):
     """All curves between all pairs of ends on one skill."""
 
     skill: Skill
@@ -119,7 +120,6 @@ class GeodesicsReport:
         return result
 
     def as_dict(self) -> dict[str, Any]:
-        """What `--json` writes; the curves are left out."""
         single = [{k: v for k, v in asdict(item).items() if k not in ("curve", "positions")} for item in self.found]
         return {"skill": self.skill.name, "methods": self.summary(), "found": single}
 
@@ -134,31 +134,36 @@ class GeodesicsReport:
         )
         return "\n".join([self.skill.name, text_table(head, rows, digits=3), *notes])
 
+    def draw(self, path: Path) -> None:
+        """The curves of the first pair over the magnification factor, and excess lengths over times of all methods."""
+        figure = Figure(figsize=(10.5, 5.4), layout="constrained")
+        latent, lengths = figure.subplots(1, 2)
+        handles = _draw_curves(figure, latent, self) + _draw_lengths(lengths, self)
+        figure.legend(handles=handles, loc="outside lower center", ncols=4, frameon=False, fontsize=9)
+        write_figure(figure, path)
 
-def compare_geodesics(skill: Skill, pairs: int = 5) -> GeodesicsReport:
+
+@dataclass(frozen=True)
+class Geodesics(OfSkill):
     """Find every curve between several pairs of ends: the start of demonstration i, the goal of demonstration i + 1.
 
-    Parameters
-    ----------
     pairs : how many, at most one per demonstration, and as many as have ends that differ.
-
-    Raises
-    ------
-    ParameterError : no pairs, or a skill none of whose pairs are connected inside its support.
     """
-    if pairs < 1:
-        raise ParameterError(f"pairs is {pairs}; at least 1 is needed")
-    metric = PullbackMetric(DecoderNetwork.from_numpy(skill.decoder), skill.metric)
-    graphs = [_Graph(skill, metric, *size) for size in GRAPHS]
-    found: list[Found] = []
-    for number, (start, goal) in enumerate(_ends(skill, graphs[-1], pairs)):
-        found += [
+
+    pairs: int = option(3, "pairs of ends", least=1)
+
+    def measured(self, skill: Skill) -> GeodesicsReport:
+        """ParameterError: none of the skill's pairs are connected inside its support."""
+        metric = PullbackMetric(DecoderNetwork.from_numpy(skill.decoder), skill.metric)
+        graphs = [_Graph(skill, metric, *size) for size in GRAPHS]
+        found = [
             _measured(skill, metric, method, number, curve, milliseconds, build)
-            for method, curve, milliseconds, build in _curves(metric, graphs, start, goal)
+            for number, ends in enumerate(_ends(skill, graphs[-1], self.pairs))
+            for method, curve, milliseconds, build in _curves(metric, graphs, *ends)
         ]
-    if not found:
-        raise ParameterError(f"{skill.name}: no demonstration's ends are connected inside the support")
-    return GeodesicsReport(skill, tuple(found))
+        if not found:
+            raise ParameterError(f"{skill.name}: no demonstration's ends are connected inside the support")
+        return GeodesicsReport(skill, tuple(found))
 
 
 class _Graph:
@@ -295,15 +300,6 @@ _DRAWN = {
 _TREATED = {"path": GREY, "cubic spline": ORANGE, "smoothed": GREEN, "refined": BLUE}
 #: Excess lengths below this share are drawn there [%].
 _LEAST_EXCESS = 0.1
-
-
-def draw_geodesics(report: GeodesicsReport, path: Path) -> None:
-    """The curves of the first pair over the magnification factor, and excess lengths against times of all methods."""
-    figure = Figure(figsize=(10.5, 5.4), layout="constrained")
-    latent, lengths = figure.subplots(1, 2)
-    handles = _draw_curves(figure, latent, report) + _draw_lengths(lengths, report)
-    figure.legend(handles=handles, loc="outside lower center", ncols=4, frameon=False, fontsize=9)
-    write_figure(figure, path)
 
 
 def _draw_curves(figure: Figure, axes: Axes, report: GeodesicsReport) -> list[Line2D]:

@@ -9,9 +9,7 @@ Those ends come from the distribution that was demonstrated. Besides, ends are r
 held-out demonstrations and *beyond* both regions, in rings (`requested_ends`); right is the held-out piece, or what
 the teacher means to do from there. Beside it stands the nearest demonstration, carried to the ends.
 
-Held-out ends are predicted wherever they lie. What the planner's usual limits say of them is counted apart: how far
-start and goal are carried from the demonstrated means, how much of that lies beyond the convex hull of what was shown,
-and whether the query would have been refused.
+Held-out ends are predicted wherever they lie.
 """
 
 from __future__ import annotations
@@ -24,14 +22,14 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from matplotlib.figure import Figure
+from matplotlib.patches import Rectangle
 from tqdm import tqdm
 
 from geodesic_motion_ros.demonstrations.demonstrations import Demonstration, Demonstrations
 from geodesic_motion_ros.geometry.curves import PoseCurve
 from geodesic_motion_ros.learning.settings import TrainingSettings
 from geodesic_motion_ros.planning.pose_path import PosePath, PosePathPlanner
-from geodesic_motion_ros.planning.settings import PlannerSettings
-from geodesic_motion_ros.planning.status import Verdict
 from geodesic_motion_ros.simulation.tabletop import Region
 from geodesic_motion_ros.simulation.teacher import (
     BOTTLE_REGION,
@@ -55,10 +53,11 @@ from geodesic_motion_ros.studies.experiments.requested_ends import (
     pieces_of,
     ring_name,
 )
-from geodesic_motion_ros.studies.experiments.trained import check_seeds, trained_once
+from geodesic_motion_ros.studies.experiments.study import OfOwnData, Report, option, seeds, setting, steps
+from geodesic_motion_ros.studies.experiments.trained import task_training, trained_once
 from geodesic_motion_ros.studies.tools.similarity import compare
-from geodesic_motion_ros.utils.errors import ParameterError
 from geodesic_motion_ros.utils.tables import text_table
+from geodesic_motion_ros.visualization.plots import BLUE, GREY, VERMILION, write_figure
 
 TASK = "pouring_anywhere"
 #: Held-out demonstrations of seed s are drawn with seed s + HELD_OUT_SEED.
@@ -81,50 +80,46 @@ COLUMNS = ("dtw_mm", "orientation_deg", "endpoint_before_mm", "endpoint_after_mm
 
 
 @dataclass(frozen=True)
-class GoalsSettings:
-    """How many demonstrations are shown and held out for every seed, of data and training alike; `ends` : pairs of ends
-    along the held-out ones, and as many in each ring beyond the regions.
+class Goals(OfOwnData):
+    """Show, train and predict for every seed, of data and training alike.
+
+    ends : pairs of ends along the held-out demonstrations, and as many in each ring beyond the regions.
+    training : its seed is replaced; None: the defaults, but for `steps`.
     """
 
-    shown: int = 12
-    held_out: int = 12
-    ends: int = 12
-    seeds: tuple[int, ...] = (0, 1, 2)
+    shown: int = option(12, "demonstrations that a skill is learned from", least=2)
+    held_out: int = option(12, "demonstrations that are predicted", least=1)
+    ends: int = setting(12, least=1)
+    seeds: tuple[int, ...] = seeds("of data and training, one skill each")
+    steps: int | None = steps()
+    training: TrainingSettings | None = None
 
-    def __post_init__(self) -> None:
-        if self.shown < 2:
-            raise ParameterError(f"shown is {self.shown}; goals that vary need at least 2 demonstrations")
-        if self.held_out < 1:
-            raise ParameterError(f"held_out is {self.held_out}; at least 1 is needed to be predicted")
-        if self.ends < 1:
-            raise ParameterError(f"ends is {self.ends}; at least 1 is needed in each ring")
-        check_seeds(self.seeds)
+    def measure(self, out: Path) -> GoalsReport:
+        """PeersMissingError: movement_primitives is not installed."""
+        reports, answers, regressions, people, examples = [], [], [], [], []
+        base = self.training or task_training(self.steps)
+        for seed in tqdm(self.seeds, desc="goals", unit="seed"):
+            everything, fold = drawn(self, seed)
+            shown, held_out = everything.split(fold)
+            skill = trained_once(TASK, shown, replace(base, seed=seed), out / "skills")
+            report = evaluate(
+                everything, [fold], [seed], lambda *_, skill=skill: skill, TASK, show_progress=False,
+                sheets=["canonical"],
+            )  # fmt: skip
+            reports.append(report)
+            answers += answers_to(requested_ends(held_out, self, seed), {"geodesic": skill}, shown, seed)
+            regressions.append(skill.canonical is not None and skill.canonical.regresses)
+            people.append(_carried_people(everything))
+            if not examples:
+                examples.append(_example(skill, shown, [everything[index] for index in fold[:EXAMPLES]]))
+        mean = {column: float(np.mean([values[column] for values in people])) for column in people[0]}
+        return GoalsReport(
+            self, tuple(reports), mean, tuple(answers), tuple(regressions), examples[0]
+        )  # fmt: skip
 
-
-@dataclass(frozen=True)
-class End:
-    """How far [m], [rad] a start or goal lies from the mean of the shown ones, and beyond their convex hull."""
-
-    offset: float
-    offset_angle: float
-    beyond: float
-    beyond_angle: float
-
-
-@dataclass(frozen=True)
-class Requested:
-    """What the planner with its usual limits says of the start and goal of held-out demonstration `demonstration`."""
-
-    seed: int
-    demonstration: int
-    start: End
-    goal: End
-    code: str
-    reason: str
-
-    @property
-    def refused_for_its_ends(self) -> bool:
-        return self.code in ("START_OUT_OF_SUPPORT", "GOAL_OUT_OF_SUPPORT")
+    def saved(self) -> tuple[Demonstrations, str]:
+        everything, fold = drawn(self, self.seeds[0])
+        return everything, f"the last {len(fold)} are those held out"
 
 
 @dataclass(frozen=True)
@@ -145,16 +140,15 @@ class Example:
 
 
 @dataclass(frozen=True)
-class GoalsReport:
-    """The held-out table of every seed, what was requested, and motions of the first seed.
+class GoalsReport(Report):
+    """The held-out table of every seed, answers to ends elsewhere, and motions of the first seed.
 
     `regressions` says for every seed whether start and goal choose between its demonstrations.
     """
 
-    settings: GoalsSettings
+    settings: Goals
     reports: tuple[ImitationReport, ...]
     people: Values
-    requested: tuple[Requested, ...]
     answers: tuple[EndsAnswer, ...]
     regressions: tuple[bool, ...]
     example: Example = field(repr=False)
@@ -171,14 +165,11 @@ class GoalsReport:
         return None if geodesic is None or promp is None else geodesic / promp
 
     def as_dict(self) -> dict[str, Any]:
-        """What `--json` writes."""
         return {
             "settings": asdict(self.settings),
             "rows": self.rows,
             "over_promp": self.over_promp(),
             "over_promp_by_seed": {report.seeds[0]: self.over_promp([report]) for report in self.reports},
-            "refused_for_their_ends": sum(item.refused_for_its_ends for item in self.requested),
-            "requested": [asdict(item) for item in self.requested],
             "ends": ends_figures(self.answers),
             "seeds": {
                 report.seeds[0]: report.as_dict() | {"regresses": regresses}
@@ -198,30 +189,12 @@ class GoalsReport:
         shown = f"{self.settings.shown} shown, {self.settings.held_out} held out"
         return "\n".join([
             f"{TASK}: {shown}, seeds {', '.join(map(str, self.settings.seeds))}", text_table(head, body), "",
-            *self._ends(), "", *self._notes(), "", ends_table(self.answers),
+            *self._notes(), "", ends_table(self.answers),
         ])  # fmt: skip
 
-    def _ends(self) -> list[str]:
-        head = ["ends of the held-out", "median mm", "largest mm", "median deg", "largest deg"]
-        rows: list[list[str | float]] = []
-        for end in ("start", "goal"):
-            for far, words in (("offset", "carried from the mean"), ("beyond", "beyond what was shown")):
-                ends = [asdict(getattr(item, end)) for item in self.requested]
-                metres, radians = ([item[far + unit] for item in ends] for unit in ("", "_angle"))
-                lengths, angles = 1e3 * np.array(metres), np.degrees(radians)
-                rows.append([f"{end}, {words}", *_middle_and_largest(lengths), *_middle_and_largest(angles)])
-        return [text_table(head, rows)]
-
     def _notes(self) -> list[str]:
-        limits, refused = PlannerSettings(), [item for item in self.requested if item.refused_for_its_ends]
-        notes = [
-            f"{len(refused)} of {len(self.requested)} would be refused for their ends by the planner's usual limits, "
-            f"{1e3 * limits.maximum_offset:.0f} mm and {math.degrees(limits.maximum_offset_angle):.0f} deg beyond what "
-            "was shown",
-        ]
-        notes += [f"seed {item.seed}, held out {item.demonstration}: {item.reason}" for item in refused]
         choosing = f"{sum(self.regressions)} of {len(self.reports)} skills"
-        notes.append(f"start and goal choose between demonstrations in {choosing}")
+        notes = [f"start and goal choose between demonstrations in {choosing}"]
         ratio = self.over_promp()
         if ratio is not None:
             each = {report.seeds[0]: self.over_promp([report]) for report in self.reports}
@@ -229,46 +202,47 @@ class GoalsReport:
             notes.append(f"geodesic's DTW over ProMP's: {ratio:.2f} ({seeds})")
         return notes
 
+    def draw(self, path: Path) -> None:
+        """The first seed from above and from the side, the geodesic's distances beside ProMP's, and those by ring."""
+        figure = Figure(figsize=(13.0, 6.4), layout="constrained")
+        panels = figure.subplot_mosaic([["above", "distances"], ["behind", "rings"]], width_ratios=(1.5, 1.0))
+        above, behind, distances = panels["above"], panels["behind"], panels["distances"]
+        for axes, across, names in ((above, (1, 0), ("y", "x")), (behind, (1, 2), ("y", "z"))):
+            for positions in self.example.shown:
+                axes.plot(*(100.0 * positions[:, across].T), color=GREY, linewidth=0.7, alpha=0.5, label="shown")
+            for predicted in self.example.predicted:
+                for positions, colour, style, name in (
+                    (predicted.held_out, "black", "-", "held out"),
+                    (predicted.promp, VERMILION, ":", "ProMP"),
+                    (predicted.geodesic, BLUE, "-", "geodesic"),
+                ):
+                    if positions is not None:
+                        axes.plot(*(100.0 * positions[:, across].T), style, color=colour, linewidth=1.4, label=name)
+            axes.set(xlabel=f"{names[0]} [cm]", ylabel=f"{names[1]} [cm]", aspect="equal")
+        for region, name in ((BOTTLE_REGION, "bottles"), (CUP_REGION, "cups")):
+            lower, size = 100.0 * np.array(region.lower), 100.0 * (np.array(region.upper) - region.lower)
+            above.add_patch(Rectangle(lower[::-1], size[1], size[0], fill=False, linestyle="--"))
+            above.text(*lower[::-1] + 0.5, name, fontsize=8)
+        above.set_title(f"seed {self.settings.seeds[0]} from above", loc="left")
+        behind.set_title("from behind", loc="left")
+        handles, labels = behind.get_legend_handles_labels()
+        named = dict(zip(labels, handles, strict=True))
+        figure.legend(named.values(), named.keys(), loc="outside lower left", ncols=4)
+        found = {row: _by_demonstration(self, row) for row in ("geodesic", "promp")}
+        both = [(found["promp"][key], value) for key, value in found["geodesic"].items()]
+        if both:
+            distances.plot(*zip(*both, strict=True), "o", color=BLUE, alpha=0.7)
+            top = 1.1 * max(map(max, both))
+            distances.plot([0.0, top], [0.0, top], "k--", linewidth=0.8)
+            distances.set(xlim=(0.0, top), ylim=(0.0, top))
+        distances.set(xlabel="ProMP [mm]", ylabel="geodesic [mm]")
+        distances.set_title("DTW to the held-out, all seeds", loc="left")
+        distances.text(0.98, 0.02, "geodesic nearer", transform=distances.transAxes, ha="right")
+        _draw_rings(panels["rings"], self.answers)
+        write_figure(figure, path)
 
-def measure_goals(
-    settings: GoalsSettings = GoalsSettings(),
-    skills: Path = Path("out/experiments/skills"),
-    training: TrainingSettings | None = None,
-    show_progress: bool = True,
-) -> GoalsReport:
-    """Show, train and predict for every seed.
 
-    Parameters
-    ----------
-    skills : cache of trained skills, see `trained_once`. training : its seed is replaced; None: the defaults.
-
-    Raises
-    ------
-    PeersMissingError : movement_primitives is not installed.
-    """
-    reports, requested, answers, regressions, people, examples = [], [], [], [], [], []
-    base = training or TrainingSettings()
-    for seed in tqdm(settings.seeds, desc="goals", unit="seed", disable=not show_progress):
-        everything, fold = drawn(settings, seed)
-        shown, held_out = everything.split(fold)
-        skill = trained_once(TASK, shown, replace(base, seed=seed), skills)
-        report = evaluate(
-            everything, [fold], [seed], lambda *_, skill=skill: skill, TASK, show_progress=False, sheets=["canonical"]
-        )
-        reports.append(report)
-        requested += requested_of(skill, seed, fold, everything)
-        answers += answers_to(requested_ends(held_out, settings, seed), {"geodesic": skill}, shown, seed)
-        regressions.append(skill.canonical is not None and skill.canonical.regresses)
-        people.append(_carried_people(everything))
-        if not examples:
-            examples.append(_example(skill, shown, [everything[index] for index in fold[:EXAMPLES]]))
-    mean = {column: float(np.mean([values[column] for values in people])) for column in people[0]}
-    return GoalsReport(
-        settings, tuple(reports), mean, tuple(requested), tuple(answers), tuple(regressions), examples[0]
-    )  # fmt: skip
-
-
-def drawn(settings: GoalsSettings, seed: int) -> tuple[Demonstrations, tuple[int, ...]]:
+def drawn(settings: Goals, seed: int) -> tuple[Demonstrations, tuple[int, ...]]:
     """All demonstrations of a seed, first the shown and then the held-out ones, and the indices of the latter."""
     shown = multi_goal_demonstrations(settings.shown, seed)
     held_out = multi_goal_demonstrations(settings.held_out, seed + HELD_OUT_SEED)
@@ -276,7 +250,7 @@ def drawn(settings: GoalsSettings, seed: int) -> tuple[Demonstrations, tuple[int
     return everything, tuple(range(len(shown), len(everything)))
 
 
-def requested_ends(held_out: Demonstrations, settings: GoalsSettings, seed: int) -> list[RequestedEnds]:
+def requested_ends(held_out: Demonstrations, settings: Goals, seed: int) -> list[RequestedEnds]:
     """Ends along the held-out demonstrations and in every ring beyond the regions of bottles and cups."""
     random = np.random.default_rng([seed, settings.ends])
     requested = pieces_of(held_out, settings.ends, random)
@@ -298,24 +272,6 @@ def _share_outside(region: Region, distance: float, random: np.random.Generator)
     outside = distance / (region.upper[axis] - region.lower[axis])
     share[axis] = 1.0 + outside if random.random() < 0.5 else -outside
     return share
-
-
-def requested_of(skill: Skill, seed: int, fold: Sequence[int], everything: Demonstrations) -> list[Requested]:
-    """Every held-out start and goal under the planner's usual limits, measured under none."""
-    usual, unlimited = PosePathPlanner(skill), PosePathPlanner(skill, EVERY_END)
-    requested = []
-    for index in fold:
-        start, goal = everything[index].curve.start, everything[index].curve.goal
-        query = unlimited.query(*start, *goal)
-        answer = usual.plan(*start, *goal)
-        verdict = answer.verdict if isinstance(answer, PosePath) else answer
-        far = {} if isinstance(query, Verdict) else query.misfits
-        ends = [
-            End(*(far.get(f"{end}_{name}", math.nan) for name in ("offset", "offset_angle", "beyond", "beyond_angle")))
-            for end in ("start", "goal")
-        ]
-        requested.append(Requested(seed, index, *ends, verdict.code.name, verdict.reason))
-    return requested
 
 
 def _example(skill: Skill, shown: Demonstrations, held_out: Sequence[Demonstration]) -> Example:
@@ -350,58 +306,8 @@ def _rows(reports: Sequence[ImitationReport], people: Values) -> dict[str, dict[
     return chosen
 
 
-def _middle_and_largest(values: np.ndarray) -> tuple[float, float]:
-    return float(np.median(values)), float(np.max(values))
-
-
-def draw_goals(report: GoalsReport, path: Path) -> None:
-    """The first seed from above and from the side, the geodesic's distances beside ProMP's, and those by ring."""
-    from matplotlib.figure import Figure
-    from matplotlib.patches import Rectangle
-
-    from geodesic_motion_ros.visualization.plots import BLUE, GREY, VERMILION, write_figure
-
-    figure = Figure(figsize=(13.0, 6.4), layout="constrained")
-    panels = figure.subplot_mosaic([["above", "distances"], ["behind", "rings"]], width_ratios=(1.5, 1.0))
-    above, behind, distances = panels["above"], panels["behind"], panels["distances"]
-    for axes, across, names in ((above, (1, 0), ("y", "x")), (behind, (1, 2), ("y", "z"))):
-        for positions in report.example.shown:
-            axes.plot(*(100.0 * positions[:, across].T), color=GREY, linewidth=0.7, alpha=0.5, label="shown")
-        for predicted in report.example.predicted:
-            for positions, colour, style, name in (
-                (predicted.held_out, "black", "-", "held out"),
-                (predicted.promp, VERMILION, ":", "ProMP"),
-                (predicted.geodesic, BLUE, "-", "geodesic"),
-            ):
-                if positions is not None:
-                    axes.plot(*(100.0 * positions[:, across].T), style, color=colour, linewidth=1.4, label=name)
-        axes.set(xlabel=f"{names[0]} [cm]", ylabel=f"{names[1]} [cm]", aspect="equal")
-    for region, name in ((BOTTLE_REGION, "bottles"), (CUP_REGION, "cups")):
-        lower, size = 100.0 * np.array(region.lower), 100.0 * (np.array(region.upper) - region.lower)
-        above.add_patch(Rectangle(lower[::-1], size[1], size[0], fill=False, linestyle="--"))
-        above.text(*lower[::-1] + 0.5, name, fontsize=8)
-    above.set_title(f"seed {report.settings.seeds[0]} from above", loc="left")
-    behind.set_title("from behind", loc="left")
-    handles, labels = behind.get_legend_handles_labels()
-    named = dict(zip(labels, handles, strict=True))
-    figure.legend(named.values(), named.keys(), loc="outside lower left", ncols=4)
-    found = {row: _by_demonstration(report, row) for row in ("geodesic", "promp")}
-    both = [(found["promp"][key], value) for key, value in found["geodesic"].items()]
-    if both:
-        distances.plot(*zip(*both, strict=True), "o", color=BLUE, alpha=0.7)
-        top = 1.1 * max(map(max, both))
-        distances.plot([0.0, top], [0.0, top], "k--", linewidth=0.8)
-        distances.set(xlim=(0.0, top), ylim=(0.0, top))
-    distances.set(xlabel="ProMP [mm]", ylabel="geodesic [mm]")
-    distances.set_title("DTW to the held-out, all seeds", loc="left")
-    distances.text(0.98, 0.02, "geodesic nearer", transform=distances.transAxes, ha="right")
-    _draw_rings(panels["rings"], report.answers)
-    write_figure(figure, path)
-
-
 def _draw_rings(axes: Any, answers: Sequence[EndsAnswer]) -> None:
     """Mean distance from the right motion with the limits lifted, and which share the usual limits answer."""
-    from geodesic_motion_ros.visualization.plots import BLUE, VERMILION
 
     figures = ends_figures(answers)
     for method, colour, shift in (("geodesic", BLUE, -0.2), (NEAREST, VERMILION, 0.2)):

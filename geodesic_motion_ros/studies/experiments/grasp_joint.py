@@ -28,11 +28,13 @@ import math
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+from matplotlib.figure import Figure
 from tqdm import tqdm
 
+from geodesic_motion_ros.learning.settings import JointTrainingSettings
 from geodesic_motion_ros.planning.planner import ReactivePlanner
 from geodesic_motion_ros.planning.settings import PlannerSettings
 from geodesic_motion_ros.simulation.joint_teacher import reach_to_grasp
@@ -46,15 +48,13 @@ from geodesic_motion_ros.studies.experiments.grasp_joint_scenes import (
     blocking_spheres,
 )
 from geodesic_motion_ros.studies.experiments.learned_paths import LearnedPaths, whole_box
-from geodesic_motion_ros.studies.experiments.posture_strip import posture_strips
-from geodesic_motion_ros.studies.experiments.trained import BRIEFLY, check_seeds, trained_once
+from geodesic_motion_ros.studies.experiments.posture_strip import draw_strip, numbered, posture_strips
+from geodesic_motion_ros.studies.experiments.study import Report, Study, option, seeds, setting
+from geodesic_motion_ros.studies.experiments.trained import BRIEFLY, trained_once
 from geodesic_motion_ros.studies.paper.paper_planner import PaperPlanner, PaperSettings
-from geodesic_motion_ros.utils.errors import ParameterError
 from geodesic_motion_ros.utils.tables import Cell, text_table
+from geodesic_motion_ros.visualization.joint_plots import draw_latent_tubes
 from geodesic_motion_ros.visualization.plots import BLUE, VERMILION, DrawnPath, Sphere, legend_below, write_figure
-
-if TYPE_CHECKING:
-    from geodesic_motion_ros.learning.settings import JointTrainingSettings
 
 #: Families of each set.
 SETS = {"separated": 3, "meeting": 2}
@@ -69,25 +69,49 @@ _THINNED = 4
 
 
 @dataclass(frozen=True)
-class GraspJointSettings:
-    """How many demonstrations of each family are shown; `seeds` are of the trainings, one skill of each set for each.
+class GraspJoint(Study):
+    """Show, train and ask; one skill of each set for each of the `seeds`, the literal row's with the first.
 
     The demonstrations are the same for all seeds. `places` scenes are drawn of one sphere, for the meeting set as many
-    of two. The literal row is of the first seed.
+    of two.
     """
 
-    shown: int = 3
-    seeds: tuple[int, ...] = (0, 1, 2)
-    places: int = 24
+    shown: int = option(3, "demonstrations of each family", least=2)
+    seeds: tuple[int, ...] = seeds()
+    places: int = setting(24, least=1)
     planner: PlannerSettings = field(default_factory=PlannerSettings)
     literal: PaperSettings = field(default_factory=PaperSettings)
 
-    def __post_init__(self) -> None:
-        if self.shown < 2:
-            raise ParameterError(f"shown is {self.shown}; a family needs at least 2 demonstrations")
-        if self.places < 1:
-            raise ParameterError(f"places is {self.places}; at least one scene is needed")
-        check_seeds(self.seeds)
+    def measure(self, out: Path) -> GraspJointReport:
+        ours, literally = JointTrainingSettings(**BRIEFLY), JointTrainingSettings.paper()
+        shown = {
+            "separated": reach_to_grasp(self.shown, 0, families=3, connected=False),
+            "meeting": reach_to_grasp(self.shown, 0, families=2, connected=True, openings=2),
+        }
+        reports, drawn, made, again, first = [], {}, [], {}, self.seeds[0]
+
+        def trained(kind: str, training: JointTrainingSettings, seed: int) -> Skill:
+            return trained_once(f"reach_{kind}", shown[kind], replace(training, seed=seed), out / "skills")
+
+        for kind, count in SETS.items():
+            families = Families.of(shown[kind], count)
+            stage = Stage(families, connected=kind == "meeting", seed=first)
+            scenes, again[kind] = all_scenes(stage, self.places), stage.again
+            for seed in tqdm(self.seeds, desc=f"grasp-joint, {kind}", unit="skill"):
+                skill = trained(kind, ours, seed)
+                planner = ReactivePlanner(skill, self.planner)
+                drawn.setdefault(("ours", kind), planner)
+                player = OurArm(planner, families)
+                made += [(f"ours, {kind}", player, ours)] if seed == first else []
+                answers = answered(player, stage, scenes)
+                reports.append(SkillReport("ours", kind, seed, answers, family_energies(skill)))
+            skill = trained(kind, literally, first)
+            paper = LiteralArm(PaperPlanner(skill, self.literal), families)
+            made.append((f"literal, {kind}", paper, literally))
+            blocked = among_blocking(paper, stage, drawn["ours", kind])
+            reports.append(SkillReport("literal", kind, first, answered(paper, stage, scenes), blocked=blocked))
+            drawn["literal", kind] = ReactivePlanner(skill, self.planner)
+        return GraspJointReport(self, tuple(reports), settings_table(made), again, drawn)
 
 
 @dataclass(frozen=True)
@@ -132,20 +156,19 @@ class SkillReport:
 
 
 @dataclass(frozen=True)
-class GraspJointReport:
+class GraspJointReport(Report):
     """What all skills do, and one of each row and set to be drawn.
 
     made : how they came about. again : of each set, scenes that were drawn again.
     """
 
-    settings: GraspJointSettings
+    settings: GraspJoint
     skills: tuple[SkillReport, ...]
     made: str
     again: dict[str, int]
     drawn: dict[tuple[str, str], ReactivePlanner] = field(repr=False)
 
     def as_dict(self) -> dict[str, Any]:
-        """What `--json` writes."""
         return {
             "settings": asdict(self.settings),
             "scenes_drawn_again": self.again,
@@ -217,6 +240,35 @@ class GraspJointReport:
                 ])  # fmt: skip
         return text_table(head, rows, 2, left=(0, 1))
 
+    def draw(self, path: Path) -> None:
+        """The first seed: above latent spaces with paths; below the arm on some of them, row by row."""
+        first = {(item.row, item.kind): item.answers for item in self.skills if item.seed == self.settings.seeds[0]}
+        ours, literal = _telling(first["ours", "separated"], first["literal", "separated"])
+        hybrid = _hybrid(first["ours", "meeting"])
+        panels = [
+            (("ours", "separated"), ours, "a  Ours: what is blocked is refused"),
+            (("literal", "separated"), literal, "b  Literal, the same scene"),
+            (("ours", "meeting"), [hybrid], "c  Ours, families that meet"),
+        ]
+        rows = [("Ours", _nearest(ours)), ("Literal", _nearest(literal)), ("Ours", hybrid)]
+        strips = [(name, answer) for name, answer in rows if answer.played is not None]
+        figure = Figure(figsize=(13.0, 5.2 + 2.05 * len(strips)), layout="constrained")
+        grid = figure.add_gridspec(1 + len(strips), 3, height_ratios=(4.8, *(2.0 for _ in strips)))
+        named: dict[str, Any] = {}
+        for column, (drawn, answers, title) in enumerate(panels):
+            paths = [
+                DrawnPath(answer.played.latent, np.empty((0, 3)), *_MARKED[answer.kind])
+                for answer in answers if answer.played is not None
+            ]  # fmt: skip
+            spheres = [Sphere(centre, RADIUS, centre[None]) for centre in answers[0].scene.centres]
+            handles = draw_latent_tubes(figure, grid[0, column], self.drawn[drawn], paths, spheres, title, zoom=0.85)
+            named |= {str(handle.get_label()): handle for handle in handles}
+        for row, (name, answer) in enumerate(strips, start=1):
+            title = f"{'def'[row - 1]}  {name}, {_caption(answer)}"
+            draw_strip(figure.add_subplot(grid[row, :]), _strip(answer), title)
+        legend_below(figure, list(named.values()))
+        write_figure(figure, path)
+
 
 def _energy(answer: SceneAnswer) -> float:
     """Of the literal planner's path, as a curve of constant speed in its metric."""
@@ -242,55 +294,6 @@ def _counted(answers: list[SceneAnswer]) -> list[Cell]:
 
 def _of(answers: list[SceneAnswer], kind: str) -> int:
     return sum(answer.kind == kind for answer in answers)
-
-
-def measure_grasp_joint(
-    settings: GraspJointSettings = GraspJointSettings(),
-    skills: Path = Path("out/experiments/skills"),
-    training: JointTrainingSettings | None = None,
-    literal: JointTrainingSettings | None = None,
-    show_progress: bool = True,
-) -> GraspJointReport:
-    """Show, train and ask.
-
-    Parameters
-    ----------
-    skills : cache of trained skills, see `trained_once`.
-    training, literal : of both rows, their seeds are replaced; None: `BRIEFLY`, and the paper's.
-    """
-    from geodesic_motion_ros.learning.settings import JointTrainingSettings
-
-    ours, literally = training or JointTrainingSettings(**BRIEFLY), literal or JointTrainingSettings.paper()
-    shown = {
-        "separated": reach_to_grasp(settings.shown, 0, families=3, connected=False),
-        "meeting": reach_to_grasp(settings.shown, 0, families=2, connected=True, openings=2),
-    }
-    reports, drawn, made, again = [], {}, [], {}
-    with tqdm(
-        total=len(SETS) * (len(settings.seeds) + 1), desc="grasp-joint", unit="skill", disable=not show_progress
-    ) as bar:
-        for kind, count in SETS.items():
-            families = Families.of(shown[kind], count)
-            first = settings.seeds[0]
-            stage = Stage(families, connected=kind == "meeting", seed=first)
-            scenes, again[kind] = all_scenes(stage, settings.places), stage.again
-            for seed in settings.seeds:
-                skill = trained_once(f"reach_{kind}", shown[kind], replace(ours, seed=seed), skills)
-                planner = ReactivePlanner(skill, settings.planner)
-                drawn.setdefault(("ours", kind), planner)
-                player = OurArm(planner, families)
-                made += [(f"ours, {kind}", player, ours)] if seed == first else []
-                answers = answered(player, stage, scenes)
-                reports.append(SkillReport("ours", kind, seed, answers, family_energies(skill)))
-                bar.update()
-            skill = trained_once(f"reach_{kind}", shown[kind], replace(literally, seed=first), skills)
-            paper = LiteralArm(PaperPlanner(skill, settings.literal), families)
-            made.append((f"literal, {kind}", paper, literally))
-            blocked = among_blocking(paper, stage, drawn["ours", kind])
-            reports.append(SkillReport("literal", kind, first, answered(paper, stage, scenes), blocked=blocked))
-            drawn["literal", kind] = ReactivePlanner(skill, settings.planner)
-            bar.update()
-    return GraspJointReport(settings, tuple(reports), settings_table(made), again, drawn)
 
 
 def all_scenes(stage: Stage, places: int) -> list[Scene]:
@@ -330,42 +333,6 @@ def family_energies(skill: Skill, shape: tuple[int, ...] | None = _BOX) -> Energ
     return Energies(energy, dearest, skill.graph(shape).energy_limit)
 
 
-def draw_grasp_joint(report: GraspJointReport, path: Path) -> None:
-    """The first seed: above latent spaces with paths; below the arm on some of them, row by row."""
-    from matplotlib.figure import Figure
-
-    from geodesic_motion_ros.visualization.joint_plots import draw_latent_tubes
-
-    first = {(item.row, item.kind): item.answers for item in report.skills if item.seed == report.settings.seeds[0]}
-    ours, literal = _telling(first["ours", "separated"], first["literal", "separated"])
-    hybrid = _hybrid(first["ours", "meeting"])
-    panels = [
-        (("ours", "separated"), ours, "a  Ours: what is blocked is refused"),
-        (("literal", "separated"), literal, "b  Literal, the same scene"),
-        (("ours", "meeting"), [hybrid], "c  Ours, families that meet"),
-    ]
-    rows = [("Ours", _nearest(ours)), ("Literal", _nearest(literal)), ("Ours", hybrid)]
-    strips = [(name, answer) for name, answer in rows if answer.played is not None]
-    figure = Figure(figsize=(13.0, 5.2 + 2.05 * len(strips)), layout="constrained")
-    grid = figure.add_gridspec(1 + len(strips), 3, height_ratios=(4.8, *(2.0 for _ in strips)))
-    named: dict[str, Any] = {}
-    for column, (drawn, answers, title) in enumerate(panels):
-        paths = [
-            DrawnPath(answer.played.latent, np.empty((0, 3)), *_MARKED[answer.kind])
-            for answer in answers if answer.played is not None
-        ]  # fmt: skip
-        spheres = [Sphere(centre, RADIUS, centre[None]) for centre in answers[0].scene.centres]
-        handles = draw_latent_tubes(figure, grid[0, column], report.drawn[drawn], paths, spheres, title, zoom=0.85)
-        named |= {str(handle.get_label()): handle for handle in handles}
-    for row, (name, answer) in enumerate(strips, start=1):
-        axes = figure.add_subplot(grid[row, :])
-        axes.imshow(_strip(answer))
-        axes.set_axis_off()
-        axes.set_title(f"{'def'[row - 1]}  {name}, {_caption(answer)}", loc="left", fontsize=11)
-    legend_below(figure, list(named.values()))
-    write_figure(figure, path)
-
-
 def _telling(
     ours: Sequence[SceneAnswer], literal: Sequence[SceneAnswer]
 ) -> tuple[list[SceneAnswer], list[SceneAnswer]]:
@@ -401,9 +368,5 @@ def _caption(answer: SceneAnswer) -> str:
 
 def _strip(answer: SceneAnswer) -> np.ndarray:
     assert answer.played is not None
-    scene = answer.scene
-    spheres = {
-        str(i): (centre, float(radius))
-        for i, (centre, radius) in enumerate(zip(scene.centres, scene.radii, strict=True))
-    }
+    spheres = numbered(answer.scene.centres, answer.scene.radii)
     return posture_strips([answer.played.configurations[::_THINNED]], [spheres], width=400, height=270)

@@ -21,16 +21,19 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
 from tqdm import tqdm
 
 from geodesic_motion_ros.demonstrations.demonstrations import Demonstrations
 from geodesic_motion_ros.geometry.curves import PoseCurve
 from geodesic_motion_ros.geometry.quaternions import angle_between
+from geodesic_motion_ros.learning.settings import TrainingSettings
 from geodesic_motion_ros.manifold.encoder import TaskSpaceEncoder
 from geodesic_motion_ros.planning.pose_path import PosePathPlanner
 from geodesic_motion_ros.planning.settings import PlannerSettings
@@ -48,7 +51,7 @@ from geodesic_motion_ros.studies.experiments.crossing import (
     measure_crossings,
 )
 from geodesic_motion_ros.studies.experiments.learned_paths import LearnedPath, LearnedPaths, whole_box
-from geodesic_motion_ros.studies.experiments.posture_strip import posture_strips
+from geodesic_motion_ros.studies.experiments.posture_strip import draw_strip, posture_strips
 from geodesic_motion_ros.studies.experiments.requested_ends import (
     NEAREST,
     RINGS,
@@ -61,9 +64,10 @@ from geodesic_motion_ros.studies.experiments.requested_ends import (
     nearest_piece,
     pieces_of,
 )
-from geodesic_motion_ros.studies.experiments.trained import BRIEFLY, check_seeds, trained_once
+from geodesic_motion_ros.studies.experiments.study import Report, Study, option, seeds, setting
+from geodesic_motion_ros.studies.experiments.trained import BRIEFLY, trained_once
+from geodesic_motion_ros.studies.tools.averages import mean
 from geodesic_motion_ros.studies.tools.similarity import distance_to_closest
-from geodesic_motion_ros.utils.errors import ParameterError
 from geodesic_motion_ros.utils.tables import Cell, text_table
 from geodesic_motion_ros.visualization.plots import (
     BLUE,
@@ -76,9 +80,6 @@ from geodesic_motion_ros.visualization.plots import (
     write_figure,
 )
 
-if TYPE_CHECKING:
-    from geodesic_motion_ros.learning.settings import TrainingSettings
-
 TASK = "reach"
 ROWS = ("canonical sheet", "raw sheet", "straight line", NEAREST)
 #: Seed of the demonstrations that are held out; those that are shown have 0.
@@ -86,23 +87,40 @@ _HELD_OUT_SEED = 10_000
 
 
 @dataclass(frozen=True)
-class GraspTaskSettings:
-    """How many demonstrations are shown and as many held out; how many targets are drawn for each seed, and how many
-    ends along the held-out demonstrations and in each ring beyond; `seeds` are of trainings, targets and ends.
+class GraspTask(Study):
+    """Show, train and ask; `seeds` are of trainings, targets and ends.
+
+    shown : demonstrations, and as many are held out. ends : along the held-out demonstrations, and in each ring beyond.
     """
 
-    shown: int = 8
-    targets: int = 20
-    ends: int = 12
-    seeds: tuple[int, ...] = (0, 1, 2)
+    shown: int = option(8, "demonstrations", least=1)
+    targets: int = option(20, "random starts and goals for each seed", least=1)
+    ends: int = setting(12, least=1)
+    seeds: tuple[int, ...] = seeds()
     planner: PlannerSettings = field(default_factory=PlannerSettings)
 
-    def __post_init__(self) -> None:
-        if min(self.shown, self.targets, self.ends) < 1:
-            raise ParameterError(
-                f"shown {self.shown}, targets {self.targets}, ends {self.ends}: at least 1 of each is needed"
-            )
-        check_seeds(self.seeds)
+    def measure(self, out: Path) -> GraspTaskReport:
+        shown, held_out = (reach_demonstrations(self.shown, seed) for seed in (0, _HELD_OUT_SEED))
+
+        def trained(**changes: Any) -> Skill:
+            return trained_once(TASK, shown, TrainingSettings(**(BRIEFLY | changes)), out / "skills")
+
+        targets: list[Target] = []
+        answers: list[EndsAnswer] = []
+        crossings: dict[int, tuple[Crossing, ...]] = {}
+        raw: dict[int, Skill] = {}
+        for seed in tqdm(self.seeds, desc="grasp-task", unit="seed"):
+            raw[seed] = trained(seed=seed, sheet="raw")
+            sheets = {ROWS[0]: trained(seed=seed, sheet="canonical"), ROWS[1]: raw[seed]}
+            targets += ask_targets(sheets, shown, seed, self)
+            answers += answers_to(requested_ends(shown, held_out, self, seed), sheets, shown, seed)
+            crossings[seed] = measure_crossings(raw[seed], [item.curve for item in shown])
+        first = self.seeds[0]
+        blind = trained(seed=first, sheet="raw", orientation_model="sign_blind")
+        return GraspTaskReport(
+            self, tuple(targets), tuple(answers), crossings, sign_blind_ratios(blind, shown), shown,
+            path_across(raw[first], shown),
+        )  # fmt: skip
 
 
 @dataclass(frozen=True, eq=False)
@@ -146,10 +164,10 @@ class Across:
 
 
 @dataclass(frozen=True)
-class GraspTaskReport:
+class GraspTaskReport(Report):
     """All targets and ends; crossings by seed, and those of the first sign-blind mixture; what is to be drawn."""
 
-    settings: GraspTaskSettings
+    settings: GraspTask
     targets: tuple[Target, ...]
     answers: tuple[EndsAnswer, ...]
     crossings: dict[int, tuple[Crossing, ...]]
@@ -164,9 +182,9 @@ class GraspTaskReport:
         return {
             "targets": len(requested),
             "answered": len(answered),
-            "carried_mm": _mean([1e3 * item.carried for item in answered]),
-            "turn_deg": _mean([math.degrees(item.turn) for item in answered]),
-            "off_mm": _mean([1e3 * item.off for item in answered]),
+            "carried_mm": mean([1e3 * item.carried for item in answered]),
+            "turn_deg": mean([math.degrees(item.turn) for item in answered]),
+            "off_mm": mean([1e3 * item.off for item in answered]),
             "farthest_off_mm": max((1e3 * item.off for item in answered), default=None),
         }
 
@@ -185,7 +203,6 @@ class GraspTaskReport:
         }
 
     def as_dict(self) -> dict[str, Any]:
-        """What `--json` writes."""
         return {
             "settings": asdict(self.settings),
             "targets": {row: self.summary(row) for row in ROWS},
@@ -223,53 +240,54 @@ class GraspTaskReport:
             judged_table({f"seed {seed}": items for seed, items in self.crossings.items()}),
         ])  # fmt: skip
 
+    def draw(self, path: Path) -> None:
+        """Targets in space; both clusters with a path within and one across; the quaternions of both."""
+        drawn = self.drawn
+        figure = Figure(figsize=(13.0, 10.8), layout="constrained")
+        grid = figure.add_gridspec(3, 2, height_ratios=(1.15, 1.0, 0.5))
+        axes = figure.add_subplot(grid[0, 0])
+        handles = latent_background(figure, axes, drawn.skill)
+        handles += draw_latent_paths(axes, [
+            DrawnPath(drawn.within, np.empty((0, 3)), "within a cluster", BLUE),
+            DrawnPath(drawn.across, np.empty((0, 3)), "across the clusters", VERMILION),
+        ])  # fmt: skip
+        flip = drawn.across[drawn.flip : drawn.flip + 2].mean(axis=0)
+        axes.plot(*flip, "X", color="black", markersize=11, markeredgecolor="white", zorder=7)
+        handles.append(Line2D([], [], marker="X", linestyle="", color="black", label="the quaternion's sign flips"))
+        axes.legend(
+            handles=handles, loc="upper center", bbox_to_anchor=(0.5, -0.12), ncols=2, fontsize=9, frameon=False
+        )  # fmt: skip
+        axes.set_title("a  Raw sheet: every motion is there with q and with -q", loc="left", fontsize=11)
+        _side_view(figure.add_subplot(grid[0, 1]), self)
+        panels = [
+            (drawn.quaternions_within, "c  Quaternion within a cluster"),
+            (drawn.quaternions_across, "d  Quaternion across: the sign flips"),
+        ]
+        for column, (quaternions, title) in enumerate(panels):
+            axes = figure.add_subplot(grid[1, column])
+            _components(axes, quaternions, drawn.recorded)
+            if column == 1:
+                at = (drawn.flip + 0.5) / (len(quaternions) - 1)
+                axes.axvline(at, color="black", linestyle="--", linewidth=1.4)
+                axes.annotate("sign flip", (at, -0.6), xytext=(6, 0), textcoords="offset points", fontsize=10)
+            else:
+                axes.legend(ncols=5, loc="center", bbox_to_anchor=(0.5, 0.82), fontsize=9, frameon=False)
+            axes.set_title(title, loc="left", fontsize=11)
+        found = next((item.path for item in self.targets if item.row == ROWS[0] and item.path is not None), None)
+        if found is not None:
+            strip = posture_strips([arm_along(found)], [{}], width=300, height=200, postures=6)
+            title = "e  The arm on a path to a target that was not shown"
+            draw_strip(figure.add_subplot(grid[2, :]), strip, title)
+        write_figure(figure, path)
+
 
 def reach_demonstrations(count: int, seed: int = 0) -> Demonstrations:
     """Poses of the tool in simulated reaches to grasp, the elbow up."""
     return reach_to_grasp(count, seed, families=1).tool_demonstrations(Robot.named("panda"))
 
 
-def measure_grasp_task(
-    settings: GraspTaskSettings = GraspTaskSettings(),
-    skills: Path = Path("out/experiments/skills"),
-    training: TrainingSettings | None = None,
-    show_progress: bool = True,
-) -> GraspTaskReport:
-    """Show, train and ask.
-
-    Parameters
-    ----------
-    skills : cache of trained skills, see `trained_once`. training : seed and sheet are replaced; None: `BRIEFLY`.
-    """
-    from geodesic_motion_ros.learning.settings import TrainingSettings
-
-    base = training or TrainingSettings(**BRIEFLY)
-    shown = reach_demonstrations(settings.shown)
-    held_out = reach_demonstrations(settings.shown, _HELD_OUT_SEED)
-
-    def trained(**changes: Any) -> Skill:
-        return trained_once(TASK, shown, replace(base, orientation_model=None, **changes), skills)
-
-    targets: list[Target] = []
-    answers: list[EndsAnswer] = []
-    crossings: dict[int, tuple[Crossing, ...]] = {}
-    raw: dict[int, Skill] = {}
-    for seed in tqdm(settings.seeds, desc="grasp-task", unit="seed", disable=not show_progress):
-        raw[seed] = trained(seed=seed, sheet="raw")
-        sheets = {ROWS[0]: trained(seed=seed, sheet="canonical"), ROWS[1]: raw[seed]}
-        targets += ask_targets(sheets, shown, seed, settings)
-        answers += answers_to(requested_ends(shown, held_out, settings, seed), sheets, shown, seed)
-        crossings[seed] = measure_crossings(raw[seed], [item.curve for item in shown])
-    first = settings.seeds[0]
-    blind = trained_once(TASK, shown, replace(base, seed=first, sheet="raw", orientation_model="sign_blind"), skills)
-    return GraspTaskReport(
-        settings, tuple(targets), tuple(answers), crossings, sign_blind_ratios(blind, shown), shown,
-        path_across(raw[first], shown),
-    )  # fmt: skip
-
-
 def requested_ends(
-    shown: Demonstrations, held_out: Demonstrations, settings: GraspTaskSettings, seed: int
+    shown: Demonstrations, held_out: Demonstrations, settings: GraspTask, seed: int
 ) -> list[RequestedEnds]:
     """Ends along the held-out demonstrations, and in every ring beyond those that are shown."""
     random = np.random.default_rng([seed, settings.ends])
@@ -278,7 +296,7 @@ def requested_ends(
 
 
 def ask_targets(
-    skills: dict[str, Skill], shown: Demonstrations, seed: int, settings: GraspTaskSettings
+    skills: dict[str, Skill], shown: Demonstrations, seed: int, settings: GraspTask
 ) -> list[Target]:
     """Starts and goals drawn from a seed, requested of skills by their rows, and both controls between them."""
     planners = {row: PosePathPlanner(skill, settings.planner) for row, skill in skills.items()}
@@ -330,51 +348,6 @@ def _to_both_goals(skill: Skill, paths: LearnedPaths, motion: PoseCurve) -> tupl
     return paths.shortest(start, same), paths.shortest(start, opposite)
 
 
-def draw_grasp_task(report: GraspTaskReport, path: Path) -> None:
-    """Targets in space; both clusters with a path within and one across; the quaternions of both."""
-    from matplotlib.figure import Figure
-    from matplotlib.lines import Line2D
-
-    drawn = report.drawn
-    figure = Figure(figsize=(13.0, 10.8), layout="constrained")
-    grid = figure.add_gridspec(3, 2, height_ratios=(1.15, 1.0, 0.5))
-    axes = figure.add_subplot(grid[0, 0])
-    handles = latent_background(figure, axes, drawn.skill)
-    handles += draw_latent_paths(axes, [
-        DrawnPath(drawn.within, np.empty((0, 3)), "within a cluster", BLUE),
-        DrawnPath(drawn.across, np.empty((0, 3)), "across the clusters", VERMILION),
-    ])  # fmt: skip
-    flip = drawn.across[drawn.flip : drawn.flip + 2].mean(axis=0)
-    axes.plot(*flip, "X", color="black", markersize=11, markeredgecolor="white", zorder=7)
-    handles.append(Line2D([], [], marker="X", linestyle="", color="black", label="the quaternion's sign flips"))
-    axes.legend(
-        handles=handles, loc="upper center", bbox_to_anchor=(0.5, -0.12), ncols=2, fontsize=9, frameon=False
-    )  # fmt: skip
-    axes.set_title("a  Raw sheet: every motion is there with q and with -q", loc="left", fontsize=11)
-    _side_view(figure.add_subplot(grid[0, 1]), report)
-    panels = [
-        (drawn.quaternions_within, "c  Quaternion within a cluster"),
-        (drawn.quaternions_across, "d  Quaternion across: the sign flips"),
-    ]
-    for column, (quaternions, title) in enumerate(panels):
-        axes = figure.add_subplot(grid[1, column])
-        _components(axes, quaternions, drawn.recorded)
-        if column == 1:
-            at = (drawn.flip + 0.5) / (len(quaternions) - 1)
-            axes.axvline(at, color="black", linestyle="--", linewidth=1.4)
-            axes.annotate("sign flip", (at, -0.6), xytext=(6, 0), textcoords="offset points", fontsize=10)
-        else:
-            axes.legend(ncols=5, loc="center", bbox_to_anchor=(0.5, 0.82), fontsize=9, frameon=False)
-        axes.set_title(title, loc="left", fontsize=11)
-    found = next((item.path for item in report.targets if item.row == ROWS[0] and item.path is not None), None)
-    if found is not None:
-        strip = figure.add_subplot(grid[2, :])
-        strip.imshow(posture_strips([arm_along(found)], [{}], width=300, height=200, postures=6))
-        strip.set_axis_off()
-        strip.set_title("e  The arm on a path to a target that was not shown", loc="left", fontsize=11)
-    write_figure(figure, path)
-
-
 def arm_along(curve: PoseCurve, postures: int = 60) -> np.ndarray:
     """Configurations (postures, 7) [rad] of a Panda whose tool follows a curve, each the one nearest to that before."""
     robot, even, configuration, found = Robot.named("panda"), curve.resampled(postures), None, []
@@ -420,7 +393,3 @@ def _components(axes: Any, quaternions: np.ndarray, recorded: np.ndarray) -> Non
     axes.plot([], [], color=GREY, linewidth=0.9, label="a demonstration, $\\pm q$")
     axes.set(xlim=(0.0, 1.0), ylim=(-1.05, 1.05), xlabel="share of the path's nodes", ylabel="component")
     axes.grid(alpha=0.3)
-
-
-def _mean(values: Sequence[float]) -> float | None:
-    return float(np.mean(values)) if values else None

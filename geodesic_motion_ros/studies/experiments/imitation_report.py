@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from geodesic_motion_ros.studies.experiments.crossing import Crossing
 from geodesic_motion_ros.studies.experiments.folds import Fold
-from geodesic_motion_ros.utils.tables import text_table, write_json
+from geodesic_motion_ros.studies.tools.averages import mean
+from geodesic_motion_ros.utils.tables import text_table
 
 Values = dict[str, float]
 """Column -> value of one prediction, NaN where it has no meaning."""
@@ -77,7 +77,7 @@ class ImitationReport:
     def _row(self, row: str) -> dict[str, float | None]:
         of_row = [item for item in self.measurements if item.row == row]
         columns = (*COLUMNS, *ANGLE_COLUMNS)
-        means = {column: _mean([item.values.get(column, math.nan) for item in of_row]) for column in columns}
+        means = {column: mean([item.values.get(column, math.nan) for item in of_row]) for column in columns}
         if row == "people":
             means |= {column: _finite(value) for column, value in self.people.items()}
         return means | {"unanswered": sum(bool(item.refusal) for item in of_row)}
@@ -106,10 +106,6 @@ class ImitationReport:
                 for item in self.measurements
             ],
         }
-
-    def write_json(self, path: str | Path) -> None:
-        """Write `as_dict` to a file, creating its folder."""
-        write_json(path, self.as_dict())
 
     def table(self) -> str:
         """The table as plain text, a dash where a value has no meaning."""
@@ -143,11 +139,6 @@ class ImitationReport:
             f"(representation); {mean:.1f} mm the demonstrations' mean misses too, which start and goal do not tell "
             f"(unpredictable); {geodesic - mean:+.1f} mm is the shortest path's own (path choice)"
         ]
-
-
-def _mean(values: list[float]) -> float | None:
-    known = [value for value in values if math.isfinite(value)]
-    return float(np.mean(known)) if known else None
 
 
 def _finite(value: float) -> float | None:

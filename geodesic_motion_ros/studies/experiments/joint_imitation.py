@@ -26,7 +26,6 @@ import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import combinations
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -48,9 +47,10 @@ from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.skill.skill import Skill
 from geodesic_motion_ros.studies.experiments.folds import Fold
 from geodesic_motion_ros.studies.experiments.imitation import Progress, stage_shown_on
+from geodesic_motion_ros.studies.tools.averages import mean
 from geodesic_motion_ros.studies.tools.similarity import COMPARED_POINTS, compare, dtw_matching
 from geodesic_motion_ros.utils.errors import ParameterError
-from geodesic_motion_ros.utils.tables import text_table, write_json
+from geodesic_motion_ros.utils.tables import text_table
 
 TrainJoints = Callable[[JointDemonstrations, int, Progress], Skill]
 """train(demonstrations, seed, progress) -> skill."""
@@ -93,10 +93,7 @@ class JointImitationReport:
     def means(self, row: str, family: int | None = None) -> dict[str, float | None]:
         """Column -> mean of a row over the demonstrations of one family, or of all; None where there is no value."""
         of_row = [item for item in self.measurements if item.row == row and family in (None, item.family)]
-        means: dict[str, float | None] = {}
-        for column in COLUMNS:
-            known = [item.values[column] for item in of_row if column in item.values]
-            means[column] = float(np.mean(known)) if known else None
+        means = {column: mean([item.values.get(column, math.nan) for item in of_row]) for column in COLUMNS}
         return means | {"unanswered": sum(bool(item.refusal) for item in of_row)}
 
     def table(self) -> str:
@@ -135,10 +132,6 @@ class JointImitationReport:
                 for item in self.measurements
             ],
         }  # fmt: skip
-
-    def write_json(self, path: str | Path) -> None:
-        """Write `as_dict` to a file, creating its folder."""
-        write_json(path, self.as_dict())
 
 
 def evaluate_joints(

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
+from itertools import product
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 import torch
 from safetensors.torch import load_file, save_file
+from tqdm import tqdm
 
 from geodesic_motion_ros.learning.body_layer import BodyLayer
 from geodesic_motion_ros.learning.joint_space import JointSpaceVAE
@@ -45,20 +47,16 @@ def models(
     dimensions: Sequence[int],
     seeds: Sequence[int],
     settings: JointTrainingSettings,
-    progress: Callable[[str], None] | None = None,
     folder: Path | None = None,
 ) -> Iterator[tuple[JointSpaceVAE, JointTrainingSettings]]:
     """Learn configurations (N, T, eta) [rad] in each number of latent dimensions, once for every seed.
 
-    settings : with the dimension and the seed that replace its own they come with the model. progress : receives what
-    begins. folder : where models are kept, and taken from where the very same training was done before; None: nowhere.
+    settings : with the dimension and the seed that replace its own they come with the model.
+    folder : where models are kept, and taken from where the very same training was done before; None: nowhere.
     """
-    for dimension in dimensions:
-        for seed in seeds:
-            if progress is not None:
-                progress(f"{dimension}-D, seed {seed}")
-            chosen = replace(settings, seed=seed, latent_dimension=dimension)
-            yield _model(shown, robot, chosen, folder), chosen
+    for dimension, seed in tqdm(list(product(dimensions, seeds)), desc="models", unit="model"):
+        chosen = replace(settings, seed=seed, latent_dimension=dimension)
+        yield _model(shown, robot, chosen, folder), chosen
 
 
 def _model(shown: np.ndarray, robot: Robot, settings: JointTrainingSettings, folder: Path | None) -> JointSpaceVAE:

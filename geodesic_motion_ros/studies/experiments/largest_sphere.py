@@ -8,7 +8,6 @@ touches the arm at start or goal stops any planner, and how large that is stands
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -17,15 +16,16 @@ import numpy as np
 from matplotlib.figure import Figure
 from tqdm import tqdm
 
+from geodesic_motion_ros.cli.arguments import metres
 from geodesic_motion_ros.geometry.curves import arc_length_fractions
 from geodesic_motion_ros.obstacles.obstacles import Obstacles
 from geodesic_motion_ros.planning.arm_clearance import obstacle_clearance
 from geodesic_motion_ros.planning.declared_scene import DeclaredScene
 from geodesic_motion_ros.planning.planner import ReactivePlanner
-from geodesic_motion_ros.planning.settings import LARGEST_DETOUR
 from geodesic_motion_ros.skill.skill import Skill
+from geodesic_motion_ros.studies.experiments.detours import check_detours, free_motion
+from geodesic_motion_ros.studies.experiments.study import OfSkill, Report, option
 from geodesic_motion_ros.trajectory.trajectory import interpolated
-from geodesic_motion_ros.utils.errors import ExperimentError, ParameterError
 from geodesic_motion_ros.utils.tables import Cell, text_table
 from geodesic_motion_ros.visualization.plots import BLUE, GREEN, GREY, ORANGE, VERMILION, write_figure
 
@@ -41,7 +41,7 @@ _COLOURS = (GREY, BLUE, VERMILION, GREEN, ORANGE)
 
 
 @dataclass(frozen=True, eq=False)
-class LargestSpheres:
+class LargestSpheres(Report):
     """What was passed along one motion, at n places and with d largest detours.
 
     Attributes
@@ -60,7 +60,6 @@ class LargestSpheres:
     reasons: tuple[tuple[str, ...], ...]
 
     def as_dict(self) -> dict[str, Any]:
-        """What the command writes."""
         return {
             "skill": self.skill, "shares": self.shares, "detours_m": self.detours, "free_radii_m": self.free,
             "radii_m": self.radii, "reasons": self.reasons, "counted_radius_m": COUNTED,
@@ -92,31 +91,52 @@ class LargestSpheres:
         """(n,) where one touches the arm at neither end."""
         return self.free > COUNTED
 
+    def draw(self, path: Path) -> None:
+        """Radii along the motion, a line for each detour; grey is what touches the arm at start or goal."""
+        figure = Figure(figsize=(6.4, 3.4), layout="constrained")
+        axes = figure.subplots()
+        places, top = 100.0 * self.shares, 100.0 * LARGEST
+        axes.fill_between(
+            places, np.minimum(100.0 * self.free, top), top, color=GREY, alpha=0.2, linewidth=0.0,
+            label="touches start or goal",
+        )  # fmt: skip
+        for detour, radii, colour in zip(self.detours, self.radii.T, _COLOURS, strict=False):
+            label = f"detour {100.0 * detour:.0f} cm"
+            axes.plot(places, 100.0 * radii, color=colour, marker="o", markersize=3.5, linewidth=1.6, label=label)
+        axes.axhline(100.0 * COUNTED, color="black", linewidth=0.8, linestyle=":")
+        axes.set(
+            xlabel="place on the tool's path [%]", ylabel="radius passed [cm]", ylim=(-0.2, top), xlim=(0.0, 100.0),
+            title=f"{self.skill}: the largest sphere that is passed",
+        )  # fmt: skip
+        axes.grid(alpha=0.3)
+        figure.legend(loc="outside lower center", ncols=4, frameon=False, fontsize=9)
+        write_figure(figure, path)
 
-def measure_largest(skill: Skill, places: int, detours: Sequence[float]) -> LargestSpheres:
-    """Measure one skill at so many places with detours up to each of several lengths [m].
 
-    Raises
-    ------
-    ParameterError : fewer than two places, or a detour that is none. ExperimentError : no path to the skill's goal.
-    """
-    if places < 2 or not detours or not all(0.0 <= detour <= LARGEST_DETOUR for detour in detours):
-        raise ParameterError(
-            f"{places} places, detours of {', '.join(map(str, detours)) or 'no'} m: at least 2 places are needed, and "
-            f"detours from 0 to {LARGEST_DETOUR} m"
-        )
-    planner = ReactivePlanner(skill, scene=DeclaredScene.empty())
-    ends = (skill.start_pose[:3], skill.start_pose[3:], skill.goal_pose[:3], skill.goal_pose[3:])
-    nominal = planner.plan(*ends)
-    if nominal.reference is None:
-        raise ExperimentError(f"skill '{skill.name}' has no path from its start to its goal: {nominal.verdict.reason}")
-    postures = nominal.reference.samples(np.linspace(0.0, nominal.reference.duration, _SAMPLES))[0]
-    tool = np.array([planner.robot.forward(posture)[0] for posture in postures])
-    shares, ascending = np.linspace(*INTERIOR, places), np.unique(detours)
-    centres = interpolated(shares, arc_length_fractions(tool), tool)
-    radii, reasons = np.zeros((places, len(ascending))), []
-    with tqdm(total=places, desc=skill.name, unit="place") as bar:
-        for number, centre in enumerate(centres):
+@dataclass(frozen=True)
+class LargestSphere(OfSkill):
+    """Measure one skill at so many places with detours up to each of several lengths [m]."""
+
+    places: int = option(20, "on the tool's path", least=2)
+    detours: tuple[float, ...] = option(
+        (0.0, 0.1, 0.22), "how far the tool may leave it [m]", type=metres, metavar="M,M"
+    )  # fmt: skip
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        check_detours(self.detours)
+
+    def measured(self, skill: Skill) -> LargestSpheres:
+        """ExperimentError: no path to the skill's goal."""
+        planner = ReactivePlanner(skill, scene=DeclaredScene.empty())
+        nominal = free_motion(planner)
+        ends = (skill.start_pose[:3], skill.start_pose[3:], skill.goal_pose[:3], skill.goal_pose[3:])
+        postures = nominal.samples(np.linspace(0.0, nominal.duration, _SAMPLES))[0]
+        tool = np.array([planner.robot.forward(posture)[0] for posture in postures])
+        shares, ascending = np.linspace(*INTERIOR, self.places), np.unique(self.detours)
+        centres = interpolated(shares, arc_length_fractions(tool), tool)
+        radii, reasons = np.zeros((self.places, len(ascending))), []
+        for number, centre in enumerate(tqdm(centres, desc=skill.name, unit="place")):
             own, radius = [], 0.0
             for column, detour in enumerate(ascending):
                 # What is passed with a shorter detour is passed with a longer one.
@@ -125,9 +145,8 @@ def measure_largest(skill: Skill, places: int, detours: Sequence[float]) -> Larg
                 radii[number, column] = radius
                 own.append(reason)
             reasons.append(tuple(own))
-            bar.update()
-    free = np.array([_free_ends(planner, postures[[0, -1]], centre) for centre in centres])
-    return LargestSpheres(skill.name, shares, ascending, free, radii, tuple(reasons))
+        free = np.array([_free_ends(planner, postures[[0, -1]], centre) for centre in centres])
+        return LargestSpheres(skill.name, shares, ascending, free, radii, tuple(reasons))
 
 
 def _grown(
@@ -147,25 +166,3 @@ def _free_ends(planner: ReactivePlanner, ends: np.ndarray, centre: np.ndarray) -
     """Distance [m] of a point from the arm at both ends (2, eta), 0 inside."""
     point = Obstacles.of_spheres(centre[None], np.zeros(1))
     return max(0.0, min(obstacle_clearance(planner.collision, planner.robot, end, point)[0] for end in ends))
-
-
-def draw_largest(found: LargestSpheres, path: Path) -> None:
-    """Radii along the motion, a line for each detour; grey is what touches the arm at start or goal."""
-    figure = Figure(figsize=(6.4, 3.4), layout="constrained")
-    axes = figure.subplots()
-    places, top = 100.0 * found.shares, 100.0 * LARGEST
-    axes.fill_between(
-        places, np.minimum(100.0 * found.free, top), top, color=GREY, alpha=0.2, linewidth=0.0,
-        label="touches start or goal",
-    )  # fmt: skip
-    for detour, radii, colour in zip(found.detours, found.radii.T, _COLOURS, strict=False):
-        label = f"detour {100.0 * detour:.0f} cm"
-        axes.plot(places, 100.0 * radii, color=colour, marker="o", markersize=3.5, linewidth=1.6, label=label)
-    axes.axhline(100.0 * COUNTED, color="black", linewidth=0.8, linestyle=":")
-    axes.set(
-        xlabel="place on the tool's path [%]", ylabel="radius passed [cm]", ylim=(-0.2, top), xlim=(0.0, 100.0),
-        title=f"{found.skill}: the largest sphere that is passed",
-    )  # fmt: skip
-    axes.grid(alpha=0.3)
-    figure.legend(loc="outside lower center", ncols=4, frameon=False, fontsize=9)
-    write_figure(figure, path)

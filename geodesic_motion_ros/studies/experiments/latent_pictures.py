@@ -1,7 +1,9 @@
-"""What experiments with toys share: a grid around codes, values over it, their pictures, and finer curves."""
+"""What experiments with toys share: a grid around codes, values and paths over it, pictures, and finer curves."""
 
 from __future__ import annotations
 
+import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -9,11 +11,21 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from geodesic_motion_ros.manifold.grid import LatentGrid
-from geodesic_motion_ros.studies.experiments.metric_graph import magnification, metric_tensors
+from geodesic_motion_ros.studies.experiments.metric_graph import (
+    MetricGraph,
+    evenly,
+    latent_length,
+    magnification,
+    metric_tensors,
+)
+from geodesic_motion_ros.studies.tools.geodesic import GeodesicSettings, continuous_geodesic
 from geodesic_motion_ros.studies.tools.metric import Metric
+from geodesic_motion_ros.visualization.plots import BLUE, VERMILION
 
 DEVIATION_LABEL = r"$\log_{10}\,\sigma$"
 MAGNIFICATION_LABEL = r"$\log\sqrt{\det M(z)}$"
+#: Directions from each node of a toy's grid.
+_NEIGHBOURS = 16
 
 
 @dataclass(frozen=True)
@@ -34,6 +46,42 @@ class Landscape:
         deviation = 0.5 * np.log10(np.mean(sigma**2, axis=1))
         factor = magnification(metric_tensors(metric, grid.nodes()))
         return cls(grid, codes, deviation.reshape(grid.shape), factor.reshape(grid.shape))
+
+
+@dataclass(frozen=True)
+class ToyPaths:
+    """Between pairs of ends, latent points (m, 2) each, evenly spaced.
+
+    Attributes
+    ----------
+    geodesics, lines : shortest paths on the grid, bent by gradient descent, and straight lines between the same ends.
+    crossings : shortest paths on the grid from the same starts to goals in the other cluster.
+    within, across : mean energy of the shortest paths on the grid, to the goals and to those in the other cluster.
+    """
+
+    geodesics: list[np.ndarray]
+    lines: list[np.ndarray]
+    crossings: list[np.ndarray]
+    within: float
+    across: float
+
+    @classmethod
+    def between(
+        cls, metric: Metric, grid: LatentGrid, ends: Sequence[tuple[np.ndarray, ...]], iterations: int
+    ) -> ToyPaths:
+        """ends : starts (2,), goals (2,) and goals in the other cluster (2,). iterations : of the descent."""
+        graph = MetricGraph.on_grid(metric, grid, np.ones(math.prod(grid.shape), dtype=bool), _NEIGHBOURS)
+        descent = GeodesicSettings(control_points=15, samples=100, iterations=iterations)
+        paths, crossings = ([graph.path(each[0], each[goal]) for each in ends] for goal in (1, 2))
+        bent = [
+            continuous_geodesic(metric, start, goal, path, descent).curve
+            for (start, goal, _), path in zip(ends, paths, strict=True)
+        ]
+        within, across = (
+            float(np.mean([latent_length(metric, path) ** 2 for path in each])) for each in (paths, crossings)
+        )
+        lines = [evenly(np.stack(each[:2])) for each in ends]
+        return cls(list(map(evenly, bent)), lines, list(map(evenly, crossings)), within, across)
 
 
 def grid_around(codes: np.ndarray, side: int, border: float) -> LatentGrid:
@@ -64,3 +112,18 @@ def draw_haloed(axes: Axes, curve: np.ndarray, colour: str, style: str) -> None:
     """A curve (n, 2 or 3) on a white ground of its own, so that it is seen on any."""
     axes.plot(*curve.T, color="white", linewidth=3.6, zorder=4)
     axes.plot(*curve.T, style, color=colour, linewidth=2.2, zorder=5)
+
+
+def draw_pairs(axes: Axes, lines: Sequence[np.ndarray], geodesics: Sequence[np.ndarray]) -> None:
+    """Straight lines and geodesics (n, 2 or 3) between the same ends."""
+    for curves, colour, style in ((lines, VERMILION, "--"), (geodesics, BLUE, "-")):
+        for curve in curves:
+            draw_haloed(axes, curve, colour, style)
+
+
+def draw_off(axes: Axes, curves: Sequence[np.ndarray], colour: str, style: str = "-") -> None:
+    """Distances [m] from what was shown, (m,) each, over the share of the path."""
+    for off in curves:
+        axes.plot(np.linspace(0.0, 1.0, len(off)), 1e3 * off, style, color=colour, linewidth=1.6)
+    axes.set_xlabel("share of the path")
+    axes.grid(alpha=0.3)

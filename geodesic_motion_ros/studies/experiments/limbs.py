@@ -16,14 +16,16 @@ Beside it a skill of joint space of the same task: it sees the whole arm, and ta
 from __future__ import annotations
 
 import math
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numba
 import numpy as np
+from matplotlib.figure import Figure
 from scipy.spatial.distance import cdist
 
+from geodesic_motion_ros.learning.settings import TrainingSettings
 from geodesic_motion_ros.manifold.decoder import rms_sigma
 from geodesic_motion_ros.manifold.grid import LatentGrid
 from geodesic_motion_ros.planning.configuration_query import ConfigurationGoal
@@ -47,16 +49,15 @@ from geodesic_motion_ros.studies.experiments.blocked_arm import (
     hand_alone,
 )
 from geodesic_motion_ros.studies.experiments.grasp_joint_scenes import RADIUS, mean_paths, sphere_on
-from geodesic_motion_ros.studies.experiments.posture_strip import posture_strips
+from geodesic_motion_ros.studies.experiments.posture_strip import draw_strip, posture_strips
+from geodesic_motion_ros.studies.experiments.study import Report, Study, option
 from geodesic_motion_ros.studies.experiments.trained import BRIEFLY, trained_once
 from geodesic_motion_ros.studies.tools.collision_geometry import CollisionGeometry
 from geodesic_motion_ros.trajectory.trajectory import JointReference
 from geodesic_motion_ros.utils.errors import ParameterError
 from geodesic_motion_ros.utils.tables import Cell, text_table
+from geodesic_motion_ros.visualization.joint_plots import draw_latent_tubes
 from geodesic_motion_ros.visualization.plots import BLUE, VERMILION, DrawnPath, Sphere, legend_below, write_figure
-
-if TYPE_CHECKING:
-    from geodesic_motion_ros.learning.settings import TrainingSettings
 
 TASK = "reach"
 #: Angles of the last joint that are tried for one pose, at most.
@@ -70,22 +71,86 @@ _PICTURE_PERIOD = 0.02
 
 
 @dataclass(frozen=True)
-class LimbsSettings:
-    """How fine the grid is, and how many solutions are worked out for each node, as far as there are so many.
+class Limbs(Study):
+    """Show, train and count; `skill` is of the same task in joint space, with two families or more.
 
-    `shown` demonstrations are learned from; `seed` is of the training.
+    shown : demonstrations that are learned from; seed : of the training.
     """
 
-    shape: tuple[int, int] = (150, 150)
-    solutions: int = 100
+    skill: str = option(
+        "panda_reach_to_grasp", "of joint space, of the same reach to grasp: its folder, or a shipped name",
+        metavar="SKILL",
+    )  # fmt: skip
+    side: int = option(150, "nodes along each side of the latent grid", least=2)
+    solutions: int = option(100, "of the inverse kinematics for each node", least=2)
     shown: int = 8
     seed: int = 0
     planner: PlannerSettings = field(default_factory=PlannerSettings)
     joint_planner: PlannerSettings = field(default_factory=PlannerSettings)
 
-    def __post_init__(self) -> None:
-        if min(*self.shape, self.solutions) < 2:
-            raise ParameterError(f"shape {self.shape}, solutions {self.solutions}: at least 2 of each are needed")
+    def measure(self, out: Path) -> LimbsReport:
+        shown = reach_to_grasp(self.shown, 0, families=1).tool_demonstrations(Robot.named("panda"))
+        tool = trained_once(TASK, shown, TrainingSettings(**BRIEFLY, seed=self.seed), out / "skills")
+        return self.compared(tool, Skill.load(self.skill))
+
+    def compared(self, skill: Skill, joint_skill: Skill) -> LimbsReport:
+        """Put the sphere, ask both skills, and count solutions.
+
+        Raises
+        ------
+        ParameterError : the skills are not of task space and of joint space with families; one of them finds no path.
+        """
+        means, arm = mean_paths(joint_skill), ReactivePlanner(joint_skill, self.joint_planner)
+        start, goal = means[:, 0].mean(axis=0), means[:, -1].mean(axis=0)
+        query = start, ConfigurationGoal(goal[None], "that of all demonstrations")
+        nominal = arm.plan_configurations(*query).reference
+        tool = PosePathPlanner(skill, self.planner)
+        poses = *arm.robot.forward(start), *arm.robot.forward(goal)
+        free = tool.plan(*poses)
+        if nominal is None or isinstance(free, Verdict):
+            raise ParameterError("there is no path, although nothing blocks it: the skills are not of one task")
+        arm_path = every(CHECK_PERIOD, nominal)
+        family = int(np.argmin([np.linalg.norm(mean[len(mean) // 2] - arm_path[len(arm_path) // 2]) for mean in means]))
+        others = np.delete(means, family, axis=0)
+        middle = slice(*(round(share * len(arm_path)) for share in INTERIOR))
+        sphere = sphere_on(arm, arm_path[middle], np.concatenate(others))
+        centres, radii = sphere[None], np.array([RADIUS])
+        arm.set_obstacles(centres, radii)
+        avoiding = arm.plan_configurations(*query).reference
+        tool.set_obstacles(centres, radii)
+        path = tool.plan(*poses)
+        if isinstance(path, Verdict):
+            raise ParameterError(f"the sphere was to leave the tool's path free, but: {path.reason}")
+        along = path.positions, path.quaternions
+        worst_centre = worst_sphere(*(part[np.linspace(0, len(part) - 1, _POSES).astype(int)] for part in along))
+        grid = LatentGrid(skill.latent_lower, skill.latent_upper, (self.side, self.side))
+        decoded = skill.decoder.decode(grid.nodes())
+        geometry = CollisionGeometry("panda")
+        hand = ReactivePlanner(joint_skill, self.joint_planner, collision=hand_alone(arm.collision))
+        evaded = math.nan
+        if avoiding is not None:
+            evaded = arm_clearance(geometry, every(CHECK_PERIOD, avoiding), centres, radii)
+        return LimbsReport(
+            settings=self,
+            skill=skill,
+            joint_planner=arm,
+            centre=sphere,
+            radius=RADIUS,
+            grid=grid,
+            supported=rms_sigma(decoded.sigma) <= skill.sigma_limit,
+            nodes=solved(decoded.positions, decoded.quaternions, centres, radii, self.solutions),
+            free=free,
+            path=path,
+            along=solved(*along, centres, radii, self.solutions),
+            tool_clearance=path.verdict.clearance,
+            worst_centre=worst_centre,
+            worst=solved(*along, worst_centre[None], radii, self.solutions),
+            nominal=nominal,
+            avoiding=avoiding,
+            nominal_clearance=arm_clearance(geometry, arm_path, centres, radii),
+            avoiding_clearance=evaded,
+            hand_clearance=float(distances(hand, body_spheres(hand, arm_path), sphere, RADIUS).min()),
+        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -106,7 +171,7 @@ class Solutions:
 
 
 @dataclass(frozen=True, eq=False)
-class LimbsReport:
+class LimbsReport(Report):
     """What was found.
 
     Attributes
@@ -121,7 +186,7 @@ class LimbsReport:
     hand_clearance : of the hand's collision spheres from the sphere on the nominal motion [m].
     """
 
-    settings: LimbsSettings
+    settings: Limbs
     skill: Skill
     joint_planner: ReactivePlanner
     centre: np.ndarray
@@ -166,7 +231,6 @@ class LimbsReport:
         }
 
     def as_dict(self) -> dict[str, Any]:
-        """What `--json` writes."""
         return {
             "settings": asdict(self.settings),
             "sphere": {"centre": self.centre, "radius": self.radius},
@@ -180,82 +244,43 @@ class LimbsReport:
         rows: list[list[Cell]] = [[name.replace("_", " "), value] for name, value in self.summary().items()]
         return text_table([f"sphere of {100.0 * self.radius:g} cm at the elbow", ""], rows, 3)
 
-
-def measure_limbs(
-    joint_skill: Skill,
-    settings: LimbsSettings = LimbsSettings(),
-    skills: Path = Path("out/experiments/skills"),
-    training: TrainingSettings | None = None,
-) -> LimbsReport:
-    """Show, train and count; joint_skill : of the same task, in joint space, with two families or more.
-
-    Parameters
-    ----------
-    skills : cache of trained skills, see `trained_once`. training : its seed is replaced; None: `BRIEFLY`.
-    """
-    from geodesic_motion_ros.learning.settings import TrainingSettings
-
-    shown = reach_to_grasp(settings.shown, 0, families=1).tool_demonstrations(Robot.named("panda"))
-    base = training or TrainingSettings(**BRIEFLY)
-    return compare_limbs(trained_once(TASK, shown, replace(base, seed=settings.seed), skills), joint_skill, settings)
-
-
-def compare_limbs(skill: Skill, joint_skill: Skill, settings: LimbsSettings) -> LimbsReport:
-    """Put the sphere, ask both skills, and count solutions.
-
-    Raises
-    ------
-    ParameterError : the skills are not of task space and of joint space with families; one of them finds no path.
-    """
-    means, arm = mean_paths(joint_skill), ReactivePlanner(joint_skill, settings.joint_planner)
-    start, goal = means[:, 0].mean(axis=0), means[:, -1].mean(axis=0)
-    query = start, ConfigurationGoal(goal[None], "that of all demonstrations")
-    nominal = arm.plan_configurations(*query).reference
-    tool = PosePathPlanner(skill, settings.planner)
-    poses = *arm.robot.forward(start), *arm.robot.forward(goal)
-    free = tool.plan(*poses)
-    if nominal is None or isinstance(free, Verdict):
-        raise ParameterError("there is no path, although nothing blocks it: the skills are not of one task")
-    arm_path = every(CHECK_PERIOD, nominal)
-    family = int(np.argmin([np.linalg.norm(mean[len(mean) // 2] - arm_path[len(arm_path) // 2]) for mean in means]))
-    others = np.delete(means, family, axis=0)
-    middle = slice(*(round(share * len(arm_path)) for share in INTERIOR))
-    sphere = sphere_on(arm, arm_path[middle], np.concatenate(others))
-    centres, radii = sphere[None], np.array([RADIUS])
-    arm.set_obstacles(centres, radii)
-    avoiding = arm.plan_configurations(*query).reference
-    tool.set_obstacles(centres, radii)
-    path = tool.plan(*poses)
-    if isinstance(path, Verdict):
-        raise ParameterError(f"the sphere was to leave the tool's path free, but: {path.reason}")
-    along = path.positions, path.quaternions
-    worst_centre = worst_sphere(*(part[np.linspace(0, len(part) - 1, _POSES).astype(int)] for part in along))
-    grid = LatentGrid(skill.latent_lower, skill.latent_upper, settings.shape)
-    decoded = skill.decoder.decode(grid.nodes())
-    geometry = CollisionGeometry("panda")
-    hand = ReactivePlanner(joint_skill, settings.joint_planner, collision=hand_alone(arm.collision))
-    evaded = math.nan if avoiding is None else arm_clearance(geometry, every(CHECK_PERIOD, avoiding), centres, radii)
-    return LimbsReport(
-        settings=settings,
-        skill=skill,
-        joint_planner=arm,
-        centre=sphere,
-        radius=RADIUS,
-        grid=grid,
-        supported=rms_sigma(decoded.sigma) <= skill.sigma_limit,
-        nodes=solved(decoded.positions, decoded.quaternions, centres, radii, settings.solutions),
-        free=free,
-        path=path,
-        along=solved(*along, centres, radii, settings.solutions),
-        tool_clearance=path.verdict.clearance,
-        worst_centre=worst_centre,
-        worst=solved(*along, worst_centre[None], radii, settings.solutions),
-        nominal=nominal,
-        avoiding=avoiding,
-        nominal_clearance=arm_clearance(geometry, arm_path, centres, radii),
-        avoiding_clearance=evaded,
-        hand_clearance=float(distances(hand, body_spheres(hand, arm_path), sphere, RADIUS).min()),
-    )
+    def draw(self, path: Path) -> None:
+        """Above: the share of solutions that the sphere touches over the latent space, the same along the geodesic, and
+        the paths of the joint-space skill. Below: solutions of single poses, touched and free, and the motion of the
+        whole arm.
+        """
+        figure = Figure(figsize=(13.0, 9.2), layout="constrained")
+        grid = figure.add_gridspec(3, 3, height_ratios=(4.6, 2.0, 2.0), width_ratios=(1.25, 1.0, 1.15))
+        _heat_map(figure, figure.add_subplot(grid[0, 0]), self)
+        axes = figure.add_subplot(grid[0, 1])
+        share = np.linspace(0.0, 1.0, len(self.along.found))
+        axes.fill_between(share, 100.0 * self.along.shares, color=VERMILION, alpha=0.35, linewidth=0.0)
+        axes.plot(share, 100.0 * self.along.shares, color=VERMILION, linewidth=1.8, label="leaves a family free")
+        axes.plot(share, 100.0 * self.worst.shares, color="black", linewidth=1.4, label="where most touch it")
+        axes.legend(title="the sphere", frameon=False, loc="lower center", bbox_to_anchor=(0.5, 0.24))
+        axes.set(xlim=(0.0, 1.0), ylim=(0.0, None), xlabel="share of the geodesic", ylabel="touch the sphere [%]")
+        axes.grid(alpha=0.3)
+        axes.set_title("b  The same along the tool's geodesic", loc="left", fontsize=11)
+        paths = [DrawnPath(self.nominal.latent, np.empty((0, 3)), "geodesic without the sphere", BLUE)]
+        if self.avoiding is not None:
+            paths.append(DrawnPath(self.avoiding.latent, np.empty((0, 3)), "geodesic with the sphere", VERMILION))
+        ball = Sphere(self.centre, self.radius, self.centre[None])
+        handles = draw_latent_tubes(
+            figure, grid[0, 2], self.joint_planner, paths, [ball], "c  A skill of joint space", zoom=0.95
+        )  # fmt: skip
+        # Solutions that follow each other are on different branches: their elbows make no curve.
+        title = "d  Skill of the tool: arms with the tool on the geodesic, touching the sphere"
+        rows = [(title, _hit_arms(self), False)]
+        if self.avoiding is not None:
+            clear = 1e3 * self.avoiding_clearance
+            title = f"e  Skill of joint space: its motion with the sphere there, {clear:.0f} mm clear of it"
+            rows.append((title, every(_PICTURE_PERIOD, self.avoiding), True))
+        for row, (title, motion, curves) in enumerate(rows, start=1):
+            sphere = {"0": (self.centre, self.radius)}
+            strip = posture_strips([motion], [sphere], width=400, height=270, curves=curves)
+            draw_strip(figure.add_subplot(grid[row, :]), strip, title)
+        legend_below(figure, handles)
+        write_figure(figure, path)
 
 
 def worst_sphere(positions: np.ndarray, quaternions: np.ndarray) -> np.ndarray:
@@ -365,49 +390,6 @@ def _touches(
     return False
 
 
-def draw_limbs(report: LimbsReport, path: Path) -> None:
-    """Above: the share of solutions that the sphere touches over the latent space, the same along the geodesic, and the
-    paths of the joint-space skill. Below: solutions of single poses, touched and free, and the motion of the whole arm.
-    """
-    from matplotlib.figure import Figure
-
-    from geodesic_motion_ros.visualization.joint_plots import draw_latent_tubes
-
-    figure = Figure(figsize=(13.0, 9.2), layout="constrained")
-    grid = figure.add_gridspec(3, 3, height_ratios=(4.6, 2.0, 2.0), width_ratios=(1.25, 1.0, 1.15))
-    _heat_map(figure, figure.add_subplot(grid[0, 0]), report)
-    axes = figure.add_subplot(grid[0, 1])
-    share = np.linspace(0.0, 1.0, len(report.along.found))
-    axes.fill_between(share, 100.0 * report.along.shares, color=VERMILION, alpha=0.35, linewidth=0.0)
-    axes.plot(share, 100.0 * report.along.shares, color=VERMILION, linewidth=1.8, label="leaves a family free")
-    axes.plot(share, 100.0 * report.worst.shares, color="black", linewidth=1.4, label="where most touch it")
-    axes.legend(title="the sphere", frameon=False, loc="lower center", bbox_to_anchor=(0.5, 0.24))
-    axes.set(xlim=(0.0, 1.0), ylim=(0.0, None), xlabel="share of the geodesic", ylabel="touch the sphere [%]")
-    axes.grid(alpha=0.3)
-    axes.set_title("b  The same along the tool's geodesic", loc="left", fontsize=11)
-    paths = [DrawnPath(report.nominal.latent, np.empty((0, 3)), "geodesic without the sphere", BLUE)]
-    if report.avoiding is not None:
-        paths.append(DrawnPath(report.avoiding.latent, np.empty((0, 3)), "geodesic with the sphere", VERMILION))
-    ball = Sphere(report.centre, report.radius, report.centre[None])
-    handles = draw_latent_tubes(
-        figure, grid[0, 2], report.joint_planner, paths, [ball], "c  A skill of joint space", zoom=0.95
-    )  # fmt: skip
-    # Solutions that follow each other are on different branches: their elbows make no curve.
-    rows = [("d  Skill of the tool: arms with the tool on the geodesic, touching the sphere", _hit_arms(report), False)]
-    if report.avoiding is not None:
-        clear = 1e3 * report.avoiding_clearance
-        title = f"e  Skill of joint space: its motion with the sphere there, {clear:.0f} mm clear of it"
-        rows.append((title, every(_PICTURE_PERIOD, report.avoiding), True))
-    for row, (title, motion, curves) in enumerate(rows, start=1):
-        axes = figure.add_subplot(grid[row, :])
-        sphere = {"0": (report.centre, report.radius)}
-        axes.imshow(posture_strips([motion], [sphere], width=400, height=270, curves=curves))
-        axes.set_axis_off()
-        axes.set_title(title, loc="left", fontsize=11)
-    legend_below(figure, handles)
-    write_figure(figure, path)
-
-
 def _hit_arms(report: LimbsReport) -> np.ndarray:
     """Solutions (n, 7) that touch the sphere, in the order of the geodesic."""
     hit = report.along.examples[:, 0]
@@ -415,7 +397,7 @@ def _hit_arms(report: LimbsReport) -> np.ndarray:
 
 
 def _heat_map(figure: Any, axes: Any, report: LimbsReport) -> None:
-    skill, shape = report.skill, report.settings.shape
+    skill, shape = report.skill, (report.settings.side,) * 2
     shares = 100.0 * report.nodes.shares.reshape(shape)
     first, second = (np.linspace(low, high, side) for low, high, side in zip(
         skill.latent_lower, skill.latent_upper, shape, strict=True

@@ -16,7 +16,7 @@ unanswered       held-out demonstrations for which no path was found, or whose t
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import asdict, dataclass, replace
 from itertools import combinations
 from pathlib import Path
@@ -26,7 +26,6 @@ import numpy as np
 from matplotlib.figure import Figure
 from tqdm import tqdm
 
-from geodesic_motion_ros.demonstrations.demonstrations import Demonstrations
 from geodesic_motion_ros.demonstrations.joint_demonstrations import JointDemonstrations
 from geodesic_motion_ros.geometry.curves import PoseCurve
 from geodesic_motion_ros.learning.settings import JointTrainingSettings, TrainingSettings
@@ -35,10 +34,10 @@ from geodesic_motion_ros.planning.planner import ReactivePlanner
 from geodesic_motion_ros.planning.pose_path import PosePath, PosePathPlanner
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.skill.skill import Skill
-from geodesic_motion_ros.studies.experiments.folds import Fold
 from geodesic_motion_ros.studies.experiments.imitation import Progress, stage_shown_on
 from geodesic_motion_ros.studies.experiments.imitation_judge import EVERY_END
 from geodesic_motion_ros.studies.experiments.joint_imitation import tool_curve
+from geodesic_motion_ros.studies.experiments.study import OfRecordings, Recording, Report, option, steps
 from geodesic_motion_ros.studies.experiments.trained import trained_once
 from geodesic_motion_ros.studies.paper.paper_planner import PaperPlanner
 from geodesic_motion_ros.studies.tools.similarity import COMPARED_POINTS, compare
@@ -46,7 +45,6 @@ from geodesic_motion_ros.utils.errors import SkillError
 from geodesic_motion_ros.utils.tables import text_table
 from geodesic_motion_ros.visualization.plots import BLUE, VERMILION, write_figure
 
-Recording = Demonstrations | JointDemonstrations
 #: Predicts the tool's path of a held-out demonstration, given as configurations (n, eta) or as poses; None: no path.
 Predict = Callable[[Any], PoseCurve | None]
 
@@ -67,7 +65,7 @@ class LiteralRow:
 
 
 @dataclass(frozen=True)
-class LiteralReport:
+class LiteralReport(Report):
     """Rows, two for every recording; held_out : demonstrations that each is a mean of."""
 
     rows: tuple[LiteralRow, ...]
@@ -80,50 +78,48 @@ class LiteralReport:
     def as_dict(self) -> dict[str, Any]:
         return {"rows": [asdict(row) for row in self.rows], "held_out": self.held_out}
 
-
-def compare_literal(
-    recordings: dict[str, Recording], folds: dict[str, Sequence[Fold]], cache: Path, seed: int = 0,
-    steps: int | None = None,
-) -> LiteralReport:  # fmt: skip
-    """Train both kinds of skills on every fold of every recording, and predict what was held out.
-
-    Parameters
-    ----------
-    folds : of every recording, demonstrations to hold out. cache : where skills are kept (`trained`).
-    steps : of every training; None: the defaults.
-    """
-    rows, held_out = [], {}
-    for name, recording in recordings.items():
-        found: dict[str, list[tuple[PoseCurve, PoseCurve | None]]] = {LITERAL: [], OURS: []}
-        with tqdm(total=2 * len(folds[name]), desc=name, unit="skill") as bar:
-            for fold in folds[name]:
-                shown, hidden = recording.split(fold)
-                for planner, settings in _settings(recording, seed, steps).items():
-                    predict = _predictor(name, shown, planner, settings, cache, stage_shown_on(bar))
-                    found[planner] += [(_tool(item, recording), predict(item)) for item in hidden]
-                    bar.update()
-        people = [
-            compare(_tool(one, recording), _tool(other, recording)).dtw for one, other in combinations(recording, 2)
-        ]
-        rows += [_row(name, planner, pairs, 1e3 * float(np.mean(people))) for planner, pairs in found.items()]
-        held_out[name] = len(found[OURS])
-    return LiteralReport(tuple(rows), held_out)
+    def draw(self, path: Path) -> None:
+        """Bars of the held-out distance, the literal planner beside ours; dashes: people among themselves."""
+        figure = Figure(figsize=(7.0, 3.2), layout="constrained")
+        axes = figure.add_subplot()
+        names = list(self.held_out)
+        for shift, planner, colour in ((-0.2, LITERAL, VERMILION), (0.2, OURS, BLUE)):
+            rows = [row for row in self.rows if row.planner == planner]
+            axes.bar(np.arange(len(names)) + shift, [row.dtw_mm for row in rows], 0.38, color=colour, label=planner)
+        people = [next(row.people_mm for row in self.rows if row.recording == name) for name in names]
+        axes.hlines(people, np.arange(len(names)) - 0.42, np.arange(len(names)) + 0.42, "black", "--", label="people")
+        axes.set_xticks(np.arange(len(names)), names)
+        axes.set_ylabel("DTW to the held-out demonstration [mm]")
+        figure.legend(loc="outside lower center", ncols=3, frameon=False)
+        write_figure(figure, path)
 
 
-def draw_literal(report: LiteralReport, path: Path) -> None:
-    """Bars of the held-out distance, the literal planner beside ours; dashes: people among themselves."""
-    figure = Figure(figsize=(7.0, 3.2), layout="constrained")
-    axes = figure.add_subplot()
-    names = list(report.held_out)
-    for shift, planner, colour in ((-0.2, LITERAL, VERMILION), (0.2, OURS, BLUE)):
-        rows = [row for row in report.rows if row.planner == planner]
-        axes.bar(np.arange(len(names)) + shift, [row.dtw_mm for row in rows], 0.38, color=colour, label=planner)
-    people = [next(row.people_mm for row in report.rows if row.recording == name) for name in names]
-    axes.hlines(people, np.arange(len(names)) - 0.42, np.arange(len(names)) + 0.42, "black", "--", label="people")
-    axes.set_xticks(np.arange(len(names)), names)
-    axes.set_ylabel("DTW to the held-out demonstration [mm]")
-    figure.legend(loc="outside lower center", ncols=3, frameon=False)
-    write_figure(figure, path)
+@dataclass(frozen=True)
+class Literal(OfRecordings):
+    """Train both kinds of skills on every fold of every recording, and predict what was held out."""
+
+    joints = True
+    seed: int = option(0, "of the trainings")
+    steps: int | None = steps()
+
+    def measure(self, out: Path) -> LiteralReport:
+        rows, held_out = [], {}
+        for name, recording, folds in self.split():
+            found: dict[str, list[tuple[PoseCurve, PoseCurve | None]]] = {LITERAL: [], OURS: []}
+            with tqdm(total=2 * len(folds), desc=name, unit="skill") as bar:
+                for fold in folds:
+                    shown, hidden = recording.split(fold)
+                    for planner, settings in _settings(recording, self.seed, self.steps).items():
+                        predict = _predictor(name, shown, planner, settings, out / "skills", stage_shown_on(bar))
+                        found[planner] += [(_tool(item, recording), predict(item)) for item in hidden]
+                        bar.update()
+            people = [
+                compare(_tool(one, recording), _tool(other, recording)).dtw
+                for one, other in combinations(recording, 2)
+            ]
+            rows += [_row(name, planner, pairs, 1e3 * float(np.mean(people))) for planner, pairs in found.items()]
+            held_out[name] = len(found[OURS])
+        return LiteralReport(tuple(rows), held_out)
 
 
 def _settings(

@@ -23,6 +23,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from matplotlib.figure import Figure
+from matplotlib.patches import Circle
 from scipy.spatial import cKDTree
 from tqdm import tqdm
 
@@ -35,11 +37,13 @@ from geodesic_motion_ros.planning.settings import PlannerSettings
 from geodesic_motion_ros.planning.status import Verdict
 from geodesic_motion_ros.simulation.teacher import PILLAR, SIDES, draw_passing_query, two_mode_demonstrations
 from geodesic_motion_ros.skill.skill import Skill
-from geodesic_motion_ros.studies.experiments.avoidance import measured_clearance, placed
+from geodesic_motion_ros.studies.experiments.avoidance import carried, free_share, measured_clearance
 from geodesic_motion_ros.studies.experiments.baselines import mean_demonstration
-from geodesic_motion_ros.studies.experiments.trained import check_seeds, trained_once
-from geodesic_motion_ros.utils.errors import ParameterError
+from geodesic_motion_ros.studies.experiments.study import OfOwnData, Report, option, seeds, steps
+from geodesic_motion_ros.studies.experiments.trained import task_training, trained_once
+from geodesic_motion_ros.studies.tools.averages import mean
 from geodesic_motion_ros.utils.tables import Cell, text_table
+from geodesic_motion_ros.visualization.plots import BLUE, GREEN, GREY, ORANGE, VERMILION
 
 TASK = "past_a_pillar"
 #: A path follows a mode within this share of the distance between the modes; half would be in between.
@@ -51,23 +55,34 @@ _SAMPLES = 400
 
 
 @dataclass(frozen=True)
-class ModesSettings:
-    """How many demonstrations of each mode are shown, and how many cases are made, for every seed.
+class Modes(OfOwnData):
+    """Show, train, and make the cases of every seed, of data, training and cases alike.
 
-    `seeds` are of data, training and cases alike.
+    training : its seed is replaced; None: the defaults, but for `steps`.
     """
 
-    shown: int = 6
-    cases: int = 40
-    seeds: tuple[int, ...] = (0, 1, 2)
+    shown: int = option(6, "demonstrations of each mode that a skill is learned from", least=2)
+    cases: int = option(40, "starts and goals that are requested of each skill", least=1)
+    seeds: tuple[int, ...] = seeds("of data and training, one skill each")
+    steps: int | None = steps()
+    training: TrainingSettings | None = None
     planner: PlannerSettings = field(default_factory=PlannerSettings)
 
-    def __post_init__(self) -> None:
-        if self.shown < 2:
-            raise ParameterError(f"shown is {self.shown}; a mode needs at least 2 demonstrations")
-        if self.cases < 1:
-            raise ParameterError(f"cases is {self.cases}; at least 1 is needed")
-        check_seeds(self.seeds)
+    def measure(self, out: Path) -> ModesReport:
+        base = self.training or task_training(self.steps)
+        drawn: list[list[Drawn]] = []
+        modes, shown = {}, []
+        for seed in tqdm(self.seeds, desc="modes", unit="seed"):
+            shown.append(two_mode_demonstrations(self.shown, seed))
+            skill = trained_once(TASK, shown[-1], replace(base, seed=seed), out / "skills")
+            modes[seed] = () if skill.canonical is None else tuple(skill.canonical.modes.tolist())
+            drawn.append(cases_of(skill, shown[-1], seed, self))
+        cases = tuple(item.case for of_seed in drawn for item in of_seed)
+        return ModesReport(self, cases, modes, tuple(item.positions for item in shown[0]), tuple(drawn[0]))
+
+    def saved(self) -> tuple[Demonstrations, str]:
+        shown = two_mode_demonstrations(self.shown, self.seeds[0])
+        return shown, f"first {self.shown} on the left of the pillar, then as many on its right"
 
 
 @dataclass(frozen=True)
@@ -151,13 +166,13 @@ class Drawn:
 
 
 @dataclass(frozen=True)
-class ModesReport:
+class ModesReport(Report):
     """All cases; by seed which mode the skill found each demonstration in; the first seed's motions.
 
     `shown` are the positions of the demonstrations, `drawn` the cases.
     """
 
-    settings: ModesSettings
+    settings: Modes
     cases: tuple[Case, ...]
     modes: dict[int, tuple[int, ...]]
     shown: tuple[np.ndarray, ...] = field(repr=False)
@@ -176,21 +191,20 @@ class ModesReport:
         return {
             "cases": len(cases),
             "on_the_left": sum(answer.side == SIDES[0] for answer in answers),
-            "follow_percent": _percent([case.free.follows for case in cases]),
+            "follow_percent": mean([100.0 * case.free.follows for case in cases]),
             "farthest_off_mm": 1e3 * max((answer.distance for answer in answers), default=math.nan),
             "between_mm": 1e3 * float(np.mean([case.mean.between for case in cases])),
-            "switch_percent": _percent([case.switched for case in cases]),
+            "switch_percent": mean([100.0 * case.switched for case in cases]),
             "blocked_unanswered": len(blocked) - len(clear),
             "through_the_sphere": sum(not value > 0.0 for value in clear),
             "least_clearance_mm": min(clear, default=None),
-            "own_mode_blocked_percent": _percent([item.own_free == 0.0 for item in blocked]),
-            "other_mode_free_percent": _percent([item.other_free == 1.0 for item in blocked]),
-            "mean_follows_percent": _percent([case.mean.follows for case in cases]),
-            "mean_through_pillar_percent": _percent([not case.mean.pillar > 0.0 for case in cases]),
+            "own_mode_blocked_percent": mean([100.0 * (item.own_free == 0.0) for item in blocked]),
+            "other_mode_free_percent": mean([100.0 * (item.other_free == 1.0) for item in blocked]),
+            "mean_follows_percent": mean([100.0 * case.mean.follows for case in cases]),
+            "mean_through_pillar_percent": mean([100.0 * (not case.mean.pillar > 0.0) for case in cases]),
         }
 
     def as_dict(self) -> dict[str, Any]:
-        """What `--json` writes."""
         return {
             "settings": asdict(self.settings),
             "summary": self.summary(),
@@ -227,32 +241,39 @@ class ModesReport:
                 lines.append(f"{where}, {case.free.side} blocked: {_in_words(case.blocked.answer)}")
         return lines
 
+    def draw(self, path: Path) -> None:
+        """The first seed from above: all answers, one case with its sphere, all answers with spheres on the first."""
+        figure = Figure(figsize=(10.5, 7.0), layout="constrained")
+        every, one, switched = figure.subplots(1, 3, sharex=True, sharey=True)
+        example = next((item for item in self.drawn if item.case.switched), self.drawn[0])
+        for axes, items in ((every, self.drawn), (one, [example]), (switched, self.drawn)):
+            for positions in self.shown:
+                _from_above(axes, positions, GREY, "-", "shown", 0.7)
+            for item in items:
+                if axes is not switched:
+                    _from_above(axes, item.mean, "black", ":", "mean of all that was shown", 0.9)
+                    _from_above(axes, item.free, BLUE, "-", "geodesic", 0.9)
+                if axes is not every:
+                    _from_above(axes, item.blocked, VERMILION, "-", "geodesic with the sphere there", 0.9)
+            pillar = 100.0 * np.array(PILLAR.centre[:2])
+            axes.add_patch(Circle(pillar, 100.0 * PILLAR.radius, color=GREEN, label="pillar"))
+            axes.set(xlabel="x [cm]", ylabel="y [cm]", aspect="equal")
+        if example.case.blocked is not None:
+            centre, radius = 100.0 * np.array(example.case.blocked.centre[:2]), 100.0 * example.case.blocked.radius
+            one.add_patch(Circle(centre, radius, color=ORANGE, alpha=0.8, label="sphere", zorder=3))
+            reach = radius + 100.0 * max(self.settings.planner.tool_radii)
+            around = Circle(centre, reach, fill=False, color=ORANGE, linestyle="--", label="sphere and tool together")
+            one.add_patch(around)
+        every.set_title(f"seed {self.settings.seeds[0]}: {len(self.drawn)} cases", loc="left")
+        one.set_title("one of them, its mode blocked", loc="left")
+        switched.set_title("all, each with its mode blocked", loc="left")
+        handles, labels = one.get_legend_handles_labels()
+        named = dict(zip(labels, handles, strict=True))
+        figure.legend(named.values(), named.keys(), loc="outside lower left", ncols=3)
+        figure.savefig(path, dpi=110)
 
-def measure_modes(
-    settings: ModesSettings = ModesSettings(),
-    skills: Path = Path("out/experiments/skills"),
-    training: TrainingSettings | None = None,
-    show_progress: bool = True,
-) -> ModesReport:
-    """Show, train, and make the cases of every seed.
 
-    Parameters
-    ----------
-    skills : cache of trained skills, see `trained_once`. training : its seed is replaced; None: the defaults.
-    """
-    base = training or TrainingSettings()
-    drawn: list[list[Drawn]] = []
-    modes, shown = {}, []
-    for seed in tqdm(settings.seeds, desc="modes", unit="seed", disable=not show_progress):
-        shown.append(two_mode_demonstrations(settings.shown, seed))
-        skill = trained_once(TASK, shown[-1], replace(base, seed=seed), skills)
-        modes[seed] = () if skill.canonical is None else tuple(skill.canonical.modes.tolist())
-        drawn.append(cases_of(skill, shown[-1], seed, settings))
-    cases = tuple(item.case for of_seed in drawn for item in of_seed)
-    return ModesReport(settings, cases, modes, tuple(item.positions for item in shown[0]), tuple(drawn[0]))
-
-
-def cases_of(skill: Skill, shown: Demonstrations, seed: int, settings: ModesSettings) -> list[Drawn]:
+def cases_of(skill: Skill, shown: Demonstrations, seed: int, settings: Modes) -> list[Drawn]:
     """The cases of one skill; of what was shown, the first half is on the left of the pillar."""
     planner = PosePathPlanner(skill, settings.planner)
     sides = [replace(shown, items=shown.items[: settings.shown]), replace(shown, items=shown.items[settings.shown :])]
@@ -284,7 +305,7 @@ def _case(
         centre = interpolate(at, path.positions, path.quaternions, np.array([fraction]))[0][0]
         planner.set_obstacles(centre[None], np.array([radius]))
         second = planner.plan(*start, *goal)
-        shares = [_free_share(side, start, goal, centre, radius, planner.settings) for side in sides]
+        shares = [free_share(carried(side, start, goal), centre, radius, planner.settings) for side in sides]
         own = SIDES.index(free.side)
         clearance = math.nan
         if isinstance(second, PosePath):
@@ -334,20 +355,8 @@ def _middle_distance(curve: PoseCurve, other: PoseCurve) -> float:
     return float(cKDTree(other.resampled(_SAMPLES).positions).query(middle)[0].mean())
 
 
-def _free_share(
-    side: Demonstrations, start: Pose, goal: Pose, centre: np.ndarray, radius: float, settings: PlannerSettings
-) -> float:
-    """Share of demonstrations that stay clear of a sphere when they are carried to a start and goal."""
-    carried = placed(side, start, goal)["carried"]
-    return float(np.mean([measured_clearance(curve, centre, radius, settings) > 0.0 for curve in carried]))
-
-
 def _positions(path: PosePath | Verdict | None) -> np.ndarray | None:
     return path.positions if isinstance(path, PosePath) else None
-
-
-def _percent(values: Sequence[bool]) -> float | None:
-    return 100.0 * float(np.mean(values)) if values else None
 
 
 def _in_words(answer: Answer) -> str:
@@ -357,42 +366,6 @@ def _in_words(answer: Answer) -> str:
         f"on the {answer.side}, {1e3 * answer.distance:.0f} mm off of {1e3 * answer.between:.0f} mm between the modes,"
         f" {1e3 * answer.pillar:.0f} mm from the pillar"
     )
-
-
-def draw_modes(report: ModesReport, path: Path) -> None:
-    """The first seed from above: all answers, one case with its sphere, all answers with spheres on the first ones."""
-    from matplotlib.figure import Figure
-    from matplotlib.patches import Circle
-
-    from geodesic_motion_ros.visualization.plots import BLUE, GREEN, GREY, ORANGE, VERMILION
-
-    figure = Figure(figsize=(10.5, 7.0), layout="constrained")
-    every, one, switched = figure.subplots(1, 3, sharex=True, sharey=True)
-    example = next((item for item in report.drawn if item.case.switched), report.drawn[0])
-    for axes, items in ((every, report.drawn), (one, [example]), (switched, report.drawn)):
-        for positions in report.shown:
-            _from_above(axes, positions, GREY, "-", "shown", 0.7)
-        for item in items:
-            if axes is not switched:
-                _from_above(axes, item.mean, "black", ":", "mean of all that was shown", 0.9)
-                _from_above(axes, item.free, BLUE, "-", "geodesic", 0.9)
-            if axes is not every:
-                _from_above(axes, item.blocked, VERMILION, "-", "geodesic with the sphere there", 0.9)
-        axes.add_patch(Circle(100.0 * np.array(PILLAR.centre[:2]), 100.0 * PILLAR.radius, color=GREEN, label="pillar"))
-        axes.set(xlabel="x [cm]", ylabel="y [cm]", aspect="equal")
-    if example.case.blocked is not None:
-        centre, radius = 100.0 * np.array(example.case.blocked.centre[:2]), 100.0 * example.case.blocked.radius
-        one.add_patch(Circle(centre, radius, color=ORANGE, alpha=0.8, label="sphere", zorder=3))
-        reach = radius + 100.0 * max(report.settings.planner.tool_radii)
-        around = Circle(centre, reach, fill=False, color=ORANGE, linestyle="--", label="sphere and tool together")
-        one.add_patch(around)
-    every.set_title(f"seed {report.settings.seeds[0]}: {len(report.drawn)} cases", loc="left")
-    one.set_title("one of them, its mode blocked", loc="left")
-    switched.set_title("all, each with its mode blocked", loc="left")
-    handles, labels = one.get_legend_handles_labels()
-    named = dict(zip(labels, handles, strict=True))
-    figure.legend(named.values(), named.keys(), loc="outside lower left", ncols=3)
-    figure.savefig(path, dpi=110)
 
 
 def _from_above(axes: Any, positions: np.ndarray | None, colour: str, style: str, name: str, width: float) -> None:

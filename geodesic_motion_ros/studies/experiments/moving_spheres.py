@@ -294,7 +294,7 @@ def _scene(number: int) -> MovingScene:
 
 
 def play_scenes(
-    make: Callable[..., Stage], arguments: tuple[Any, ...], scenes: int, processes: int, show_progress: bool
+    make: Callable[..., Stage], arguments: tuple[Any, ...], scenes: int, processes: int
 ) -> list[Any]:
     """Draw and play scenes in processes of their own, on stages make(*arguments).
 
@@ -305,4 +305,4 @@ def play_scenes(
         os.environ.setdefault(variable, "1")
     with get_context("spawn").Pool(processes, _prepare, (make, arguments)) as pool:
         made = pool.imap(_scene, range(scenes))
-        return list(tqdm(made, desc="moving", unit="scene", total=scenes, disable=not show_progress))
+        return list(tqdm(made, desc="moving", unit="scene", total=scenes))

@@ -35,13 +35,18 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass, field, replace
+from itertools import product
+from pathlib import Path
 from typing import Any, Literal, get_args
 
 import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 
 from geodesic_motion_ros.demonstrations.joint_canonical import along_body_arc
 from geodesic_motion_ros.manifold.ambient_law import AmbientLaw
+from geodesic_motion_ros.manifold.ambient_metric import ambient_factor
 from geodesic_motion_ros.obstacles.obstacles import Obstacles
 from geodesic_motion_ros.planning.configuration_query import (
     ConfigurationGoal,
@@ -59,14 +64,22 @@ from geodesic_motion_ros.studies.comparison.methods.geodesic import no_body
 from geodesic_motion_ros.studies.experiments.arm_queries import body_spheres, distances
 from geodesic_motion_ros.studies.experiments.blocked_arm import arm_clearance, every
 from geodesic_motion_ros.studies.experiments.obstacle_law_scenes import CHECK_PERIOD, LawScene, draw_scene
+from geodesic_motion_ros.studies.experiments.study import OfSkill, Report, option
 from geodesic_motion_ros.studies.tools.collision_geometry import CollisionGeometry
 from geodesic_motion_ros.studies.tools.similarity import dtw_matching
 from geodesic_motion_ros.utils.errors import ParameterError
 from geodesic_motion_ros.utils.tables import Cell, text_table
+from geodesic_motion_ros.visualization.plots import BLUE, GREEN, GREY, VERMILION, write_figure
 
 Kind = Literal["ignored", "soft alone", "hard alone", "soft and hard", "completed"]
 #: zeta, and Gaussian width over obstacle and body radius.
 STRENGTHS, WIDTHS = (100.0, 1000.0, 10000.0), (0.5, 1.0)
+#: The sphere and the strength for which the picture shows the laws [m].
+_SHOWN_RADIUS, _SHOWN_STRENGTH = 0.04, 1000.0
+_COLOURS: dict[Kind, str] = {"soft alone": VERMILION, "soft and hard": BLUE, "completed": GREEN}
+_STYLES = dict(zip(WIDTHS, ("-", "--"), strict=True))
+#: How far apart marks of one strength are drawn.
+_APART = 0.1
 #: Postures, evenly along the body's arc, that are matched with those of the path without obstacles.
 _COMPARED = 100
 
@@ -128,7 +141,7 @@ class LawAnswer:
 
 
 @dataclass(frozen=True)
-class LawsReport:
+class LawsReport(Report):
     """Every answer, the control's too, under those laws."""
 
     skill: str
@@ -170,7 +183,6 @@ class LawsReport:
         return rows
 
     def as_dict(self) -> dict[str, Any]:
-        """What `--json` writes."""
         return {
             "skill": self.skill, "laws": self.summary(), "common": len(self.common),
             "answers": [asdict(answer) for answer in self.answers],
@@ -197,31 +209,49 @@ class LawsReport:
         note = f"{scenes} scenes; clearance, deviation, length: over the {len(self.common)} that always have a path"
         return "\n".join([self.skill, text_table(head, rows, 1), note])
 
+    def draw(self, path: Path) -> None:
+        """The laws themselves, and what the table says of each against its strength: filled marks the narrow width."""
+        figure = Figure(figsize=(11.0, 6.4), layout="constrained")
+        panels = figure.subplots(2, 3).ravel()
+        _draw_factors(panels[0])
+        rows = self.summary()
+        for row in rows:
+            row["hit_share"] = row["hits"] / row["found"] if row["found"] else math.nan
+        for axes, letter, column, scale, title in (
+            (panels[1], "b", "hit_share", 1e2, "paths found that hit the sphere [%]"),
+            (panels[2], "c", "clearance_mean", 1e3, "clearance, mean [mm]"),
+            (panels[3], "d", "deviation_mean", 1e3, "deviation from the path without [mm]"),
+            (panels[4], "e", "infeasible", 1e2, "scenes without a path [%]"),
+            (panels[5], "f", "capped_infeasible", 1e2, "without one that costs up to the cap [%]"),
+        ):
+            _draw_column(axes, rows, column, scale)
+            axes.set_title(f"{letter}  {title}", loc="left", fontsize=11)
+        handles, names = panels[1].get_legend_handles_labels()
+        figure.legend(handles, names, loc="outside lower center", ncols=4, frameon=False, fontsize=9)
+        write_figure(figure, path)
+
 
 def _mean(values: Sequence[float]) -> float:
     return float(np.mean(values)) if len(values) else math.nan
 
 
-def compare_laws(
-    skill: Skill,
-    scenes: int = 120,
-    seed: int = 0,
-    laws: Sequence[Law] = LAWS,
-    settings: PlannerSettings | None = None,
-) -> LawsReport:
-    """Plan so many scenes under each law; a scene depends on the seed and its number alone.
+@dataclass(frozen=True)
+class ObstacleLaws(OfSkill):
+    """Plan so many scenes under each law; a scene depends on the seed and its number alone."""
 
-    Raises
-    ------
-    ParameterError : no scenes, a skill of task space or on the raw sheet, or no scene found on it.
-    """
-    if scenes < 1:
-        raise ParameterError(f"scenes is {scenes}; at least 1 is needed")
-    if skill.space != "joint":
-        raise ParameterError(f"skill '{skill.name}' is of task space: the laws are compared with the whole arm")
-    compared = _Compared(skill, laws, settings or PlannerSettings())
-    answers = [answer for number in range(scenes) for answer in compared.answers(number, seed)]
-    return LawsReport(skill.name, tuple(answers), tuple(laws))
+    skill: str = option("panda_reach_to_grasp", "of joint space: its folder, or a shipped name", metavar="SKILL")
+    scenes: int = option(120, "of a sphere near the path, or on it", least=1)
+    seed: int = option(0, "of the scenes")
+    laws: tuple[Law, ...] = LAWS
+    planner: PlannerSettings = field(default_factory=PlannerSettings)
+
+    def measured(self, skill: Skill) -> LawsReport:
+        """ParameterError: a skill of task space or on the raw sheet, or no scene found on it."""
+        if skill.space != "joint":
+            raise ParameterError(f"skill '{skill.name}' is of task space: the laws are compared with the whole arm")
+        compared = _Compared(skill, self.laws, self.planner)
+        answers = [answer for number in range(self.scenes) for answer in compared.answers(number, self.seed)]
+        return LawsReport(skill.name, tuple(answers), self.laws)
 
 
 class _Compared:
@@ -305,3 +335,43 @@ def _solved(
 def _length(points: np.ndarray) -> float:
     """Mean over the body points (n, K, 3) of how far they go [m]."""
     return float(np.linalg.norm(np.diff(points, axis=0), axis=2).sum(axis=0).mean())
+
+
+def _draw_factors(axes: Axes) -> None:
+    """The ambient factor of a body point over its distance from a sphere's surface."""
+    away = np.linspace(0.002, 0.25, 300)
+    body = PlannerSettings().body_radius
+    centres, radii = np.zeros((1, 3)), np.array([_SHOWN_RADIUS])
+    for kind in ("soft and hard", "completed"):
+        for width, style in _STYLES.items():
+            factors = [
+                ambient_factor(
+                    _SHOWN_RADIUS + d, 0.0, 0.0, body, centres, radii, _SHOWN_STRENGTH, width, kind == "completed"
+                )
+                for d in away
+            ]  # fmt: skip
+            axes.plot(100.0 * away, factors, style, color=_COLOURS[kind])
+    axes.axvline(100.0 * body, color=GREY, linewidth=0.8)
+    axes.annotate("the body touches", (100.0 * body, 2e4), xytext=(4, 0), textcoords="offset points", fontsize=8)
+    surface = f"body point from a sphere of {100.0 * _SHOWN_RADIUS:.0f} cm [cm]"
+    axes.set(yscale="log", ylim=(0.8, 1e5), xlabel=surface)
+    axes.set_title(f"a  ambient factor, zeta {_SHOWN_STRENGTH:.0f}", loc="left", fontsize=11)
+    axes.annotate(f"dashed: width {WIDTHS[-1]:g}", (24.5, 6e2), ha="right", fontsize=8)
+    axes.grid(alpha=0.3)
+
+
+def _draw_column(axes: Axes, rows: Sequence[dict[str, Any]], column: str, scale: float) -> None:
+    """One column of the table against the strength, a mark for each law and width."""
+    for number, (kind, width) in enumerate(product(_COLOURS, WIDTHS)):
+        values = [scale * row[column] for row in rows if (row["kind"], row["width"]) == (kind, width)]
+        axes.plot(
+            np.arange(len(values)) + _APART * (number - 2.5), values, "o", color=_COLOURS[kind], markersize=6,
+            markerfacecolor="white" if width == WIDTHS[-1] else None, label=f"{kind}, width {width:g}",
+        )  # fmt: skip
+    for kind, style in (("hard alone", "-"), ("ignored", ":")):
+        for row in rows:
+            if row["kind"] == kind:
+                axes.axhline(scale * row[column], color="black", linestyle=style, linewidth=1.2, label=kind, zorder=1)
+    axes.set_xticks(range(len(STRENGTHS)), [f"{strength:.0f}" for strength in STRENGTHS])
+    axes.set_xlabel("zeta")
+    axes.grid(alpha=0.3)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 
 import numpy as np
+from matplotlib.axes import Axes
 
 from geodesic_motion_ros.planning.declared_scene import DeclaredScene
 from geodesic_motion_ros.robot.swivel import elbow_position
@@ -53,6 +54,18 @@ def _strip(
         pictures.append(world.render(width, height, view, oversampling=2))
     world.clear_curves()
     return np.concatenate(pictures, axis=1)
+
+
+def numbered(centres: np.ndarray, radii: np.ndarray) -> dict[str, tuple[np.ndarray, float]]:
+    """Spheres (o, 3), (o,) [m] as `posture_strips` takes those of a motion."""
+    return {str(i): (centre, float(radius)) for i, (centre, radius) in enumerate(zip(centres, radii, strict=True))}
+
+
+def draw_strip(axes: Axes, strip: np.ndarray, title: str) -> None:
+    """A strip as a panel of a picture."""
+    axes.imshow(strip)
+    axes.set_axis_off()
+    axes.set_title(title, loc="left", fontsize=11)
 
 
 def evenly(count: int, wanted: int) -> np.ndarray:

@@ -18,13 +18,16 @@ from collections.abc import Sequence
 from dataclasses import asdict, dataclass, field, replace
 from itertools import pairwise, product
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
 from scipy.spatial import cKDTree
 from tqdm import tqdm
 
 from geodesic_motion_ros.demonstrations.demonstrations import Demonstrations
+from geodesic_motion_ros.learning.settings import JointTrainingSettings
 from geodesic_motion_ros.planning.planner import ReactivePlanner
 from geodesic_motion_ros.planning.settings import PlannerSettings
 from geodesic_motion_ros.robot.kinematics import Robot
@@ -34,15 +37,14 @@ from geodesic_motion_ros.simulation.tabletop import TabletopWorld
 from geodesic_motion_ros.studies.experiments.arm_players import Families, LiteralArm, OurArm, Player, settings_table
 from geodesic_motion_ros.studies.experiments.execution import Execution, play
 from geodesic_motion_ros.studies.experiments.grasp_joint_scenes import passed_in_turn
-from geodesic_motion_ros.studies.experiments.pouring_places import pouring_strip, standing_there
-from geodesic_motion_ros.studies.experiments.trained import BRIEFLY, check_seeds, trained_once
+from geodesic_motion_ros.studies.experiments.posture_strip import draw_strip
+from geodesic_motion_ros.studies.experiments.pouring_scene import pouring_strip, standing_there
+from geodesic_motion_ros.studies.experiments.study import Report, Study, option, seeds
+from geodesic_motion_ros.studies.experiments.trained import BRIEFLY, trained_once
 from geodesic_motion_ros.studies.paper.paper_planner import PaperPlanner, PaperSettings
-from geodesic_motion_ros.utils.errors import ParameterError
 from geodesic_motion_ros.utils.tables import Cell, text_table
+from geodesic_motion_ros.visualization.joint_plots import FAMILY_COLOURS, draw_latent_tubes
 from geodesic_motion_ros.visualization.plots import BLUE, DrawnPath, write_figure
-
-if TYPE_CHECKING:
-    from geodesic_motion_ros.learning.settings import JointTrainingSettings
 
 TASK = "pouring_in_groups"
 PAIRS = len(BOTTLE_PLACES)
@@ -50,21 +52,30 @@ ALL_PAIRS = tuple(product(range(PAIRS), repeat=2))
 
 
 @dataclass(frozen=True)
-class PouringJointSettings:
-    """How many demonstrations of each pair are shown; `seeds` are of the trainings, one skill each.
+class PouringJoint(Study):
+    """Show, train, plan and play; one skill for each of the `seeds`, the literal row's with the first."""
 
-    The literal row is of the first seed.
-    """
-
-    shown: int = 3
-    seeds: tuple[int, ...] = (0, 1, 2)
+    shown: int = option(3, "demonstrations of each of three pairs", least=2)
+    seeds: tuple[int, ...] = seeds()
     planner: PlannerSettings = field(default_factory=PlannerSettings)
     literal: PaperSettings = field(default_factory=PaperSettings)
 
-    def __post_init__(self) -> None:
-        if self.shown < 2:
-            raise ParameterError(f"shown is {self.shown}; a pair needs at least 2 demonstrations")
-        check_seeds(self.seeds)
+    def measure(self, out: Path) -> PouringJointReport:
+        ours, literally = JointTrainingSettings(**BRIEFLY), JointTrainingSettings.paper()
+        shown, first = pouring(self.shown, 0), self.seeds[0]
+        families, tools = Families.of(shown, PAIRS), shown.tool_demonstrations(Robot.named(shown.robot))
+        trainings = [(ours, seed) for seed in self.seeds] + [(literally, first)]
+        pourings: list[Pouring] = []
+        players: list[Player] = []
+        for training, seed in tqdm(trainings, desc="pouring-joint", unit="skill"):
+            skill = trained_once(TASK, shown, replace(training, seed=seed), out / "skills")
+            if training is ours:
+                players.append(OurArm(ReactivePlanner(skill, self.planner), families))
+            else:
+                players.append(LiteralArm(PaperPlanner(skill, self.literal), families))
+            pourings += pour_all(players[-1], families, tools, seed)
+        made = settings_table([("ours", players[0], ours), ("literal", players[-1], literally)])
+        return PouringJointReport(self, tuple(pourings), made, tools, players[0].planner)
 
 
 @dataclass(frozen=True, eq=False)
@@ -108,7 +119,6 @@ class Pouring:
         return passed_in_turn(self.by_skill), passed_in_turn(self.by_tool)
 
     def as_dict(self) -> dict[str, Any]:
-        """What `--json` writes."""
         executed = self.execution
         return {
             "row": self.row, "seed": self.seed, "bottle": self.bottle, "cup": self.cup, "shown": self.shown,
@@ -121,19 +131,18 @@ class Pouring:
 
 
 @dataclass(frozen=True)
-class PouringJointReport:
+class PouringJointReport(Report):
     """All pairs of all rows and seeds, and how the rows came about; what was shown, and our planner of the first seed,
     to be drawn.
     """
 
-    settings: PouringJointSettings
+    settings: PouringJoint
     pourings: tuple[Pouring, ...]
     made: str
     shown: Demonstrations = field(repr=False)
     drawn: ReactivePlanner = field(repr=False)
 
     def as_dict(self) -> dict[str, Any]:
-        """What `--json` writes."""
         return {"settings": asdict(self.settings), "pourings": [item.as_dict() for item in self.pourings]}
 
     def table(self) -> str:
@@ -164,38 +173,38 @@ class PouringJointReport:
         ]
         return "\n".join([self.made, "", text_table(head, rows, left=(0, 1)), *notes, *refused])
 
-
-def measure_pouring_joint(
-    settings: PouringJointSettings = PouringJointSettings(),
-    skills: Path = Path("out/experiments/skills"),
-    training: JointTrainingSettings | None = None,
-    literal: JointTrainingSettings | None = None,
-    show_progress: bool = True,
-) -> PouringJointReport:
-    """Show, train, plan and play.
-
-    Parameters
-    ----------
-    skills : cache of trained skills, see `trained_once`.
-    training, literal : of both rows, their seeds are replaced; None: `BRIEFLY`, and the paper's.
-    """
-    from geodesic_motion_ros.learning.settings import JointTrainingSettings
-
-    ours, literally = training or JointTrainingSettings(**BRIEFLY), literal or JointTrainingSettings.paper()
-    shown, first = pouring(settings.shown, 0), settings.seeds[0]
-    families, tools = Families.of(shown, PAIRS), shown.tool_demonstrations(Robot.named(shown.robot))
-    trainings = [(ours, seed) for seed in settings.seeds] + [(literally, first)]
-    pourings: list[Pouring] = []
-    players: list[Player] = []
-    for training, seed in tqdm(trainings, desc="pouring-joint", unit="skill", disable=not show_progress):
-        skill = trained_once(TASK, shown, replace(training, seed=seed), skills)
-        if training is ours:
-            players.append(OurArm(ReactivePlanner(skill, settings.planner), families))
-        else:
-            players.append(LiteralArm(PaperPlanner(skill, settings.literal), families))
-        pourings += pour_all(players[-1], families, tools, seed)
-    made = settings_table([("ours", players[0], ours), ("literal", players[-1], literally)])
-    return PouringJointReport(settings, tuple(pourings), made, tools, players[0].planner)
+    def draw(self, path: Path) -> None:
+        """The first seed: our path through the most groups in the latent space and from above, the groups of all our
+        pairs over time, and the arm on that path and on the literal planner's between the same places.
+        """
+        seed = self.settings.seeds[0]
+        executed = [item for item in self.pourings if item.seed == seed and item.execution is not None]
+        answered = [item for item in executed if item.row == "ours"]
+        example = max(answered, key=lambda item: (sum(map(len, item.turns)), abs(item.bottle - item.cup)))
+        strips = [item for item in executed if (item.bottle, item.cup) == (example.bottle, example.cup)]
+        figure = Figure(figsize=(13.0, 5.5 + 2.1 * len(strips)), layout="constrained")
+        grid = figure.add_gridspec(
+            1 + len(strips), 3, height_ratios=(4.9, *(2.0 for _ in strips)), width_ratios=(1.6, 0.6, 1.3)
+        )
+        name = f"geodesic, bottle {example.bottle} to cup {example.cup}"
+        drawn = DrawnPath(example.latent, np.empty((0, 3)), name, BLUE)
+        title = "a  Ours: latent space, three groups"
+        handles = draw_latent_tubes(figure, grid[0, 0], self.drawn, [drawn], (), title, zoom=1.0)
+        _from_above(figure.add_subplot(grid[0, 1]), self, example, FAMILY_COLOURS)
+        _bands(figure.add_subplot(grid[0, 2]), answered, FAMILY_COLOURS)
+        for row, item in enumerate(strips, start=1):
+            assert item.execution is not None
+            pair, clear = f"bottle {item.bottle} to cup {item.cup}", 1e3 * item.execution.clearance
+            title = f"{'def'[row - 1]}  {item.row.capitalize()}: {pair}, {clear:.0f} mm clear of what stands there"
+            strip = pouring_strip(item.execution.configurations, item.bottle)
+            draw_strip(figure.add_subplot(grid[row, :]), strip, title)
+        handles = [handle for handle in handles if not str(handle.get_label()).startswith("demonstrations")]
+        handles += [
+            Line2D([], [], color=FAMILY_COLOURS[i], linewidth=3.0, label=f"group {i}: bottle {i} to cup {i}")
+            for i in range(PAIRS)
+        ]
+        figure.legend(handles=handles, loc="outside lower center", ncols=5, frameon=False, fontsize=9)
+        write_figure(figure, path)
 
 
 def pour_all(
@@ -238,46 +247,6 @@ def _pour(
 def _groups(shown: Demonstrations) -> list[Demonstrations]:
     each = len(shown) // PAIRS
     return [replace(shown, items=shown.items[pair * each : (pair + 1) * each]) for pair in range(PAIRS)]
-
-
-def draw_pouring_joint(report: PouringJointReport, path: Path) -> None:
-    """The first seed: our path through the most groups in the latent space and from above, the groups of all our pairs
-    over time, and the arm on that path and on the literal planner's between the same places.
-    """
-    from matplotlib.figure import Figure
-    from matplotlib.lines import Line2D
-
-    from geodesic_motion_ros.visualization.joint_plots import FAMILY_COLOURS, draw_latent_tubes
-
-    seed = report.settings.seeds[0]
-    executed = [item for item in report.pourings if item.seed == seed and item.execution is not None]
-    answered = [item for item in executed if item.row == "ours"]
-    example = max(answered, key=lambda item: (sum(map(len, item.turns)), abs(item.bottle - item.cup)))
-    strips = [item for item in executed if (item.bottle, item.cup) == (example.bottle, example.cup)]
-    figure = Figure(figsize=(13.0, 5.5 + 2.1 * len(strips)), layout="constrained")
-    grid = figure.add_gridspec(
-        1 + len(strips), 3, height_ratios=(4.9, *(2.0 for _ in strips)), width_ratios=(1.6, 0.6, 1.3)
-    )
-    drawn = DrawnPath(example.latent, np.empty((0, 3)), f"geodesic, bottle {example.bottle} to cup {example.cup}", BLUE)
-    title = "a  Ours: latent space, three groups"
-    handles = draw_latent_tubes(figure, grid[0, 0], report.drawn, [drawn], (), title, zoom=1.0)
-    _from_above(figure.add_subplot(grid[0, 1]), report, example, FAMILY_COLOURS)
-    _bands(figure.add_subplot(grid[0, 2]), answered, FAMILY_COLOURS)
-    for row, item in enumerate(strips, start=1):
-        assert item.execution is not None
-        axes = figure.add_subplot(grid[row, :])
-        axes.imshow(pouring_strip(item.execution.configurations, item.bottle))
-        axes.set_axis_off()
-        pair, clear = f"bottle {item.bottle} to cup {item.cup}", 1e3 * item.execution.clearance
-        title = f"{'def'[row - 1]}  {item.row.capitalize()}: {pair}, {clear:.0f} mm clear of what stands there"
-        axes.set_title(title, loc="left", fontsize=11)
-    handles = [handle for handle in handles if not str(handle.get_label()).startswith("demonstrations")]
-    handles += [
-        Line2D([], [], color=FAMILY_COLOURS[pair], linewidth=3.0, label=f"group {pair}: bottle {pair} to cup {pair}")
-        for pair in range(PAIRS)
-    ]
-    figure.legend(handles=handles, loc="outside lower center", ncols=5, frameon=False, fontsize=9)
-    write_figure(figure, path)
 
 
 def _from_above(axes: Any, report: PouringJointReport, example: Pouring, colours: tuple[str, ...]) -> None:

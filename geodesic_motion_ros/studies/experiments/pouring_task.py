@@ -22,14 +22,16 @@ import math
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+from matplotlib.figure import Figure
 from scipy.spatial import cKDTree
 from tqdm import tqdm
 
 from geodesic_motion_ros.demonstrations.demonstrations import Demonstrations
 from geodesic_motion_ros.geometry.curves import interpolate
+from geodesic_motion_ros.learning.settings import TrainingSettings
 from geodesic_motion_ros.obstacles.obstacles import Obstacles
 from geodesic_motion_ros.planning.planner import ReactivePlanner
 from geodesic_motion_ros.planning.pose_path import PosePath, PosePathPlanner
@@ -38,19 +40,28 @@ from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.simulation.joint_teacher import BOTTLE_PLACES, CUP_PLACES, pouring
 from geodesic_motion_ros.simulation.teacher import BOTTLE_REGION, CUP_REGION
 from geodesic_motion_ros.skill.skill import Skill
-from geodesic_motion_ros.studies.experiments.held_bottle import (
+from geodesic_motion_ros.studies.experiments.posture_strip import draw_strip
+from geodesic_motion_ros.studies.experiments.pouring_motions import (
+    Chain,
+    Stream,
+    draw_moment,
+    past_a_moving_sphere,
+    pour_all_cups,
+)
+from geodesic_motion_ros.studies.experiments.pouring_scene import (
+    PLACES,
     SIDES,
     SPHERE_RADIUS,
+    at_bottle,
+    at_cup,
     bottle_distance,
     bottle_settings,
+    pouring_strip,
     sphere_beside,
 )
-from geodesic_motion_ros.studies.experiments.pouring_chain import Chain, pour_all_cups
-from geodesic_motion_ros.studies.experiments.pouring_places import PLACES, at_bottle, at_cup, pouring_strip
-from geodesic_motion_ros.studies.experiments.pouring_stream import Stream, draw_moment, past_a_moving_sphere
 from geodesic_motion_ros.studies.experiments.reshaped_metric import ReshapedMetric, draw_reshaped_metric, reshape_metric
-from geodesic_motion_ros.studies.experiments.trained import BRIEFLY, check_seeds, trained_once
-from geodesic_motion_ros.utils.errors import ParameterError
+from geodesic_motion_ros.studies.experiments.study import Report, Study, option, seeds
+from geodesic_motion_ros.studies.experiments.trained import BRIEFLY, trained_once
 from geodesic_motion_ros.utils.tables import Cell, text_table
 from geodesic_motion_ros.visualization.plots import (
     BLUE,
@@ -62,9 +73,6 @@ from geodesic_motion_ros.visualization.plots import (
     write_figure,
 )
 
-if TYPE_CHECKING:
-    from geodesic_motion_ros.learning.settings import TrainingSettings
-
 TASK = "pouring_places"
 SHEETS = ("raw", "canonical")
 #: Poses between two samples of a path where the bottle's clearance is measured.
@@ -72,16 +80,34 @@ _CHECKS = 10
 
 
 @dataclass(frozen=True)
-class PouringTaskSettings:
-    """How many demonstrations of each pair are shown; `seeds` are of the trainings."""
+class PouringTask(Study):
+    """Show, train, plan and play."""
 
-    shown: int = 3
-    seeds: tuple[int, ...] = (0, 1, 2)
+    shown: int = option(3, "demonstrations of each of three pairs", least=1)
+    seeds: tuple[int, ...] = seeds()
 
-    def __post_init__(self) -> None:
-        if self.shown < 1:
-            raise ParameterError(f"shown is {self.shown}; at least 1 is needed")
-        check_seeds(self.seeds)
+    def measure(self, out: Path) -> PouringTaskReport:
+        shown = pouring(self.shown, 0).tool_demonstrations(Robot.named("panda"))
+        pairs: list[Pair] = []
+        blocked: list[Blocked] = []
+        chains: list[Chain] = []
+        streams, raw = [], []
+        for seed in tqdm(self.seeds, desc="pouring-task", unit="seed"):
+            planners = {}
+            for sheet in SHEETS:
+                training = TrainingSettings(**BRIEFLY, seed=seed, sheet=sheet)
+                skill = trained_once(TASK, shown, training, out / "skills")
+                planners[sheet] = planner = PosePathPlanner(skill, bottle_settings())
+                pairs += all_pairs(planner, shown, sheet, seed)
+                blocked += blocked_pairs(planner, PosePathPlanner(skill), sheet, seed)
+            chains.append(pour_all_cups(planners["raw"], seed))
+            if not streams:
+                raw.append(planners["raw"].skill)
+                tool = replace(bottle_settings(), avoid="tool")
+                streams.append(past_a_moving_sphere(ReactivePlanner(raw[0], tool)))
+        return PouringTaskReport(
+            self, tuple(pairs), tuple(blocked), tuple(chains), streams[0], reshape_metric(raw[0]), shown, raw[0]
+        )  # fmt: skip
 
 
 @dataclass(frozen=True, eq=False)
@@ -119,10 +145,10 @@ class Blocked:
 
 
 @dataclass(frozen=True)
-class PouringTaskReport:
+class PouringTaskReport(Report):
     """All of it."""
 
-    settings: PouringTaskSettings
+    settings: PouringTask
     pairs: tuple[Pair, ...]
     blocked: tuple[Blocked, ...]
     chains: tuple[Chain, ...]
@@ -132,7 +158,6 @@ class PouringTaskReport:
     raw: Skill = field(repr=False)
 
     def as_dict(self) -> dict[str, Any]:
-        """What `--json` writes."""
         return {
             "settings": asdict(self.settings),
             "pairs": [
@@ -197,47 +222,35 @@ class PouringTaskReport:
             *self.reshaped.lines(), *refused,
         ])  # fmt: skip
 
-
-def measure_pouring_task(
-    settings: PouringTaskSettings = PouringTaskSettings(),
-    skills: Path = Path("out/experiments/skills"),
-    training: TrainingSettings | None = None,
-    show_progress: bool = True,
-) -> PouringTaskReport:
-    """Show, train, plan and play.
-
-    Parameters
-    ----------
-    skills : cache of trained skills, see `trained_once`. training : seed and sheet are replaced; None: `BRIEFLY`.
-    """
-    from geodesic_motion_ros.learning.settings import TrainingSettings
-
-    base = training or TrainingSettings(**BRIEFLY)
-    shown = pouring(settings.shown, 0).tool_demonstrations(Robot.named("panda"))
-    pairs: list[Pair] = []
-    blocked: list[Blocked] = []
-    chains: list[Chain] = []
-    streams, raw_skills = [], []
-    for seed in tqdm(settings.seeds, desc="pouring-task", unit="seed", disable=not show_progress):
-        raw, canonical = (
-            trained_once(TASK, shown, replace(base, seed=seed, sheet=sheet, orientation_model=None), skills)
-            for sheet in SHEETS
-        )
-        planners = {
-            sheet: PosePathPlanner(skill, bottle_settings())
-            for sheet, skill in zip(SHEETS, (raw, canonical), strict=True)
-        }
-        for sheet, planner in planners.items():
-            pairs += all_pairs(planner, shown, sheet, seed)
-            blocked += blocked_pairs(planner, PosePathPlanner(planner.skill), sheet, seed)
-        chains.append(pour_all_cups(planners["raw"], seed))
-        if not streams:
-            streams.append(past_a_moving_sphere(ReactivePlanner(raw, replace(bottle_settings(), avoid="tool"))))
-            raw_skills.append(raw)
-    return PouringTaskReport(
-        settings, tuple(pairs), tuple(blocked), tuple(chains), streams[0], reshape_metric(raw_skills[0]), shown,
-        raw_skills[0],
-    )  # fmt: skip
+    def draw(self, path: Path) -> None:
+        """The first seed: all pairs in the latent space and from above, the moving sphere at two times, and the chain;
+        in a second picture beside the first, NAME_metric.png, the reshaped metric.
+        """
+        seed = self.settings.seeds[0]
+        figure = Figure(figsize=(13.0, 9.6), layout="constrained")
+        grid = figure.add_gridspec(3, 2, height_ratios=(5.2, 2.4, 2.2), width_ratios=(1.0, 1.0))
+        pairs = [item for item in self.pairs if (item.sheet, item.seed) == ("raw", seed) and item.path is not None]
+        names = {True: ("geodesic of a pair that was shown", BLUE), False: ("geodesic of another pair", VERMILION)}
+        paths = [DrawnPath(item.path.latent, item.path.positions, *names[item.bottle == item.cup]) for item in pairs]
+        paths.sort(key=lambda path: path.colour == BLUE)
+        axes = figure.add_subplot(grid[0, 0])
+        handles = latent_background(figure, axes, self.raw)
+        handles += draw_latent_paths(axes, paths)
+        axes.set_title(f"a  Raw sheet: {len(pairs)} of {len(PLACES) ** 2} pairs, 3 shown", loc="left", fontsize=11)
+        _from_above(figure.add_subplot(grid[0, 1]), self.shown, paths)
+        for column, (letter, moment) in enumerate(zip("cd", self.stream.moments, strict=True)):
+            panel = figure.add_subplot(grid[1, column])
+            handles += draw_moment(panel, self.shown, self.stream.nominal, moment)
+            title = f"{letter}  Raw sheet, a sphere crosses under the bottle: after {moment.time:.1f} s"
+            panel.set_title(title, loc="left", fontsize=11)
+        chain = next((item for item in self.chains if len(item.joints)), None)
+        if chain is not None:
+            title = "e  Raw sheet, three geodesics in a chain: one bottle over all cups"
+            draw_strip(figure.add_subplot(grid[2, :]), pouring_strip(chain.joints, 0), title)
+        named = {str(handle.get_label()): handle for handle in handles}
+        figure.legend(handles=list(named.values()), loc="outside lower center", ncols=4, frameon=False, fontsize=9)
+        write_figure(figure, path)
+        draw_reshaped_metric(self.reshaped, path.with_stem(f"{path.stem}_metric"))
 
 
 def all_pairs(planner: PosePathPlanner, shown: Demonstrations, sheet: str, seed: int) -> list[Pair]:
@@ -286,41 +299,6 @@ def _clearance(path: PosePath, centre: np.ndarray) -> float:
     at = np.linspace(0.0, samples[-1], _CHECKS * (len(samples) - 1) + 1)
     positions, quaternions = interpolate(samples, path.positions, path.quaternions, at)
     return bottle_distance(positions, quaternions, np.broadcast_to(centre, positions.shape), SPHERE_RADIUS)
-
-
-def draw_pouring_task(report: PouringTaskReport, path: Path) -> None:
-    """The first seed: all pairs in the latent space and from above, the moving sphere at two times, and the chain; in a
-    second picture beside the first, NAME_metric.png, the reshaped metric.
-    """
-    from matplotlib.figure import Figure
-
-    seed = report.settings.seeds[0]
-    figure = Figure(figsize=(13.0, 9.6), layout="constrained")
-    grid = figure.add_gridspec(3, 2, height_ratios=(5.2, 2.4, 2.2), width_ratios=(1.0, 1.0))
-    pairs = [item for item in report.pairs if (item.sheet, item.seed) == ("raw", seed) and item.path is not None]
-    names = {True: ("geodesic of a pair that was shown", BLUE), False: ("geodesic of another pair", VERMILION)}
-    paths = [DrawnPath(item.path.latent, item.path.positions, *names[item.bottle == item.cup]) for item in pairs]
-    paths.sort(key=lambda path: path.colour == BLUE)
-    axes = figure.add_subplot(grid[0, 0])
-    handles = latent_background(figure, axes, report.raw)
-    handles += draw_latent_paths(axes, paths)
-    axes.set_title(f"a  Raw sheet: {len(pairs)} of {len(PLACES) ** 2} pairs, 3 shown", loc="left", fontsize=11)
-    _from_above(figure.add_subplot(grid[0, 1]), report.shown, paths)
-    for column, (letter, moment) in enumerate(zip("cd", report.stream.moments, strict=True)):
-        panel = figure.add_subplot(grid[1, column])
-        handles += draw_moment(panel, report.shown, report.stream.nominal, moment)
-        title = f"{letter}  Raw sheet, a sphere crosses under the bottle: after {moment.time:.1f} s"
-        panel.set_title(title, loc="left", fontsize=11)
-    chain = next((item for item in report.chains if len(item.joints)), None)
-    if chain is not None:
-        axes = figure.add_subplot(grid[2, :])
-        axes.imshow(pouring_strip(chain.joints, 0))
-        axes.set_axis_off()
-        axes.set_title("e  Raw sheet, three geodesics in a chain: one bottle over all cups", loc="left", fontsize=11)
-    named = {str(handle.get_label()): handle for handle in handles}
-    figure.legend(handles=list(named.values()), loc="outside lower center", ncols=4, frameon=False, fontsize=9)
-    write_figure(figure, path)
-    draw_reshaped_metric(report.reshaped, path.with_stem(f"{path.stem}_metric"))
 
 
 def _from_above(axes: Any, shown: Demonstrations, paths: Sequence[DrawnPath]) -> None:

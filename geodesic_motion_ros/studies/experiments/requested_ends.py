@@ -24,6 +24,7 @@ from geodesic_motion_ros.planning.settings import PlannerSettings
 from geodesic_motion_ros.skill.sheet import METRES_PER_RADIAN
 from geodesic_motion_ros.skill.skill import Skill
 from geodesic_motion_ros.studies.experiments.baselines import SAMPLES, Prediction
+from geodesic_motion_ros.studies.tools.averages import mean
 from geodesic_motion_ros.studies.tools.similarity import distance_to_closest
 from geodesic_motion_ros.utils.tables import Cell, text_table
 
@@ -170,14 +171,9 @@ def ends_summary(answers: Sequence[EndsAnswer], where: str, method: str) -> dict
         "requested": len(found),
         "answered": len(answered),
         "missed_mm": max((1e3 * item.missed for item in answered), default=None),
-        "off_mm": _mean_mm([item.off for item in answered]),
-        "off_unlimited_mm": _mean_mm([item.off_unlimited for item in found]),
+        "off_mm": mean([1e3 * item.off for item in answered]),
+        "off_unlimited_mm": mean([1e3 * item.off_unlimited for item in found]),
     }
-
-
-def _mean_mm(lengths: Sequence[float]) -> float | None:
-    known = [length for length in lengths if not math.isnan(length)]
-    return 1e3 * float(np.mean(known)) if known else None
 
 
 def places_and_methods(answers: Sequence[EndsAnswer]) -> list[tuple[str, str]]:

@@ -12,6 +12,7 @@ beside straight latent lines. What counts is the share of a curve inside the sup
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -24,12 +25,12 @@ from scipy.spatial import cKDTree
 from geodesic_motion_ros.geometry.fitted_spline import fitted_spline
 from geodesic_motion_ros.manifold.decoder import rms_sigma
 from geodesic_motion_ros.skill.skill import Skill
-from geodesic_motion_ros.studies.experiments.held_bottle import SPHERE_RADIUS
 from geodesic_motion_ros.studies.experiments.latent_pictures import MAGNIFICATION_LABEL, draw_haloed
 from geodesic_motion_ros.studies.experiments.learned_paths import LearnedPaths, whole_box
 from geodesic_motion_ros.studies.experiments.metric_graph import evenly
+from geodesic_motion_ros.studies.experiments.pouring_scene import SPHERE_RADIUS
 from geodesic_motion_ros.studies.paper.dense_graph import dense_graph
-from geodesic_motion_ros.studies.paper.literal_search import LiteralSearch
+from geodesic_motion_ros.studies.paper.literal_search import LiteralSearch, ambient_factors
 from geodesic_motion_ros.studies.paper.paper_planner import COEFFICIENTS, SAMPLES, PaperSettings
 from geodesic_motion_ros.visualization.latent_view import magnification_factor
 from geodesic_motion_ros.visualization.plots import BLUE, VERMILION, demonstrations_of, write_figure
@@ -144,7 +145,7 @@ def reshape_metric(skill: Skill, pairs: int = PAIRS, seed: int = 0) -> ReshapedM
             float(np.linalg.norm(places - centre, axis=1).min()) - SPHERE_RADIUS
             for places in (skill.decoder.decode(latent).positions, positions)
         )
-        picture = magnification_factor(skill, _SIDE, _Stretched(centre, SPHERE_RADIUS, _STRENGTH))
+        picture = magnification_factor(skill, _SIDE, partial(_stretched, centre))
         snapshots.append(Snapshot(place, picture, latent, nearest, nearest_without))
     return ReshapedMetric(skill, without, tuple(snapshots), tuple(_random_geodesics(skill, pairs, seed)))
 
@@ -165,17 +166,11 @@ class _Search:
         return fitted_spline(self._graph.latent[self._search.nodes], COEFFICIENTS)(np.linspace(0.0, 1.0, SAMPLES))
 
 
-@dataclass(frozen=True)
-class _Stretched:
-    """The paper's ambient factor (n,) of one sphere at positions (n, 3) [m]."""
-
-    centre: np.ndarray
-    radius: float
-    strength: float
-
-    def __call__(self, positions: np.ndarray) -> np.ndarray:
-        squared = np.sum((positions - self.centre) ** 2, axis=1)
-        return 1.0 + self.strength * np.exp(-0.5 * squared / self.radius**2)
+def _stretched(centre: np.ndarray, positions: np.ndarray) -> np.ndarray:
+    """The paper's ambient factor (n,) of a sphere at (3,) [m] at positions (n, 3) [m]."""
+    factors = np.empty(len(positions))
+    ambient_factors(positions, centre[None], np.array([SPHERE_RADIUS]), _STRENGTH, factors)
+    return factors
 
 
 def _random_geodesics(skill: Skill, pairs: int, seed: int) -> list[RandomGeodesic]:

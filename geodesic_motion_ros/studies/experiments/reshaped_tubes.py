@@ -24,6 +24,7 @@ from geodesic_motion_ros.robot.body_points import BodyPoints, end_effector_poses
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.skill.skill import Skill
 from geodesic_motion_ros.studies.experiments.latent_pictures import MAGNIFICATION_LABEL, draw_haloed
+from geodesic_motion_ros.studies.experiments.study import OfSkill, Report
 from geodesic_motion_ros.studies.paper.literal_search import ambient_factors
 from geodesic_motion_ros.studies.paper.paper_planner import PaperPlanner, PaperSettings
 from geodesic_motion_ros.utils.tables import text_table
@@ -47,7 +48,7 @@ class Moment:
 
 
 @dataclass(frozen=True)
-class ReshapedReport:
+class ReshapedReport(Report):
     """A moment for each of `DISTANCES`; codes : (N, T, 2) of the demonstrations, projected; box : corners (left, right,
     bottom, top) of the pictures.
     """
@@ -65,6 +66,23 @@ class ReshapedReport:
     def as_dict(self) -> dict[str, Any]:
         kept = ("distance_mm", "length", "clearance_mm")
         return {"skill": self.skill, "moments": [{name: asdict(each)[name] for name in kept} for each in self.moments]}
+
+    def draw(self, path: Path) -> None:
+        """A picture for each moment, all on one scale: bright where lengths are long; demonstrations as thin lines."""
+        figure = Figure(figsize=(11.0, 3.1), layout="constrained")
+        row = figure.subplots(1, len(self.moments))
+        low, high = np.percentile(np.stack([each.factor for each in self.moments]), [1.0, 99.5])
+        scale = {"vmin": low, "vmax": high, "extent": self.box, "origin": "lower", "aspect": "auto"}
+        for axes, moment in zip(row, self.moments, strict=True):
+            image = axes.imshow(moment.factor, **scale)
+            for code in self.codes:
+                axes.plot(*code.T, color="white", linewidth=0.5, alpha=0.7)
+            draw_haloed(axes, moment.path, VERMILION, "-")
+            axes.set_xticks([])
+            axes.set_yticks([])
+            axes.set_title(f"sphere {moment.distance_mm:.0f} mm off the free path", fontsize=9)
+        figure.colorbar(image, ax=row, label=MAGNIFICATION_LABEL, pad=0.01)
+        write_figure(figure, path)
 
 
 @dataclass(frozen=True)
@@ -89,33 +107,39 @@ class Cut:
         return self.origin + coordinates @ self.axes
 
 
-def measure_reshaped(skill: Skill, shape: tuple[int, int, int] = (32, 32, 32)) -> ReshapedReport:
+@dataclass(frozen=True)
+class ReshapedTubes(OfSkill):
     """Move a sphere onto the free path of a whole-arm skill, and plan at every moment.
 
     shape : nodes of the graph.
     """
-    planner = PaperPlanner(skill, PaperSettings(_STRENGTH), shape)
-    ends = tuple(tuple(np.split(pose, [3])) for pose in (skill.start_pose, skill.goal_pose))
-    free = planner.plan(*ends)
-    middle = planner.tool_poses(free)[0][len(free.latent) // 2]
-    cut = Cut.through(free.latent)
-    codes = cut.seen(skill.codes)
-    border = 0.1 * np.ptp(codes, axis=(0, 1))
-    (left, bottom), (right, top) = codes.min(axis=(0, 1)) - border, codes.max(axis=(0, 1)) + border
-    across, up = np.meshgrid(np.linspace(left, right, _SIDE), np.linspace(bottom, top, _SIDE))
-    shown = cut.points(np.stack([across.reshape(-1), up.reshape(-1)], axis=1))
-    moments = []
-    for distance in DISTANCES:
-        sphere = (middle + distance * np.array([0.0, 0.0, 1.0]))[None], np.array([RADIUS])
-        planner.set_obstacles(Obstacles.of_spheres(*sphere))
-        path = planner.plan(*ends)
-        clearance = float(np.linalg.norm(planner.tool_poses(path)[0] - sphere[0], axis=1).min()) - RADIUS
-        factor = 0.5 * np.linalg.slogdet(tensors(skill, shown, *sphere, _STRENGTH))[1]
-        length = riemannian_length(skill, path.latent, *sphere, _STRENGTH)
-        moments.append(
-            Moment(1e3 * distance, length, 1e3 * clearance, factor.reshape(_SIDE, _SIDE), cut.seen(path.latent))
-        )
-    return ReshapedReport(skill.name, tuple(moments), codes, (left, right, bottom, top))
+
+    skill: str = "paper_reach"
+    shape: tuple[int, int, int] = (32, 32, 32)
+
+    def measured(self, skill: Skill) -> ReshapedReport:
+        planner = PaperPlanner(skill, PaperSettings(_STRENGTH), self.shape)
+        ends = tuple(tuple(np.split(pose, [3])) for pose in (skill.start_pose, skill.goal_pose))
+        free = planner.plan(*ends)
+        middle = planner.tool_poses(free)[0][len(free.latent) // 2]
+        cut = Cut.through(free.latent)
+        codes = cut.seen(skill.codes)
+        border = 0.1 * np.ptp(codes, axis=(0, 1))
+        (left, bottom), (right, top) = codes.min(axis=(0, 1)) - border, codes.max(axis=(0, 1)) + border
+        across, up = np.meshgrid(np.linspace(left, right, _SIDE), np.linspace(bottom, top, _SIDE))
+        shown = cut.points(np.stack([across.reshape(-1), up.reshape(-1)], axis=1))
+        moments = []
+        for distance in DISTANCES:
+            sphere = (middle + distance * np.array([0.0, 0.0, 1.0]))[None], np.array([RADIUS])
+            planner.set_obstacles(Obstacles.of_spheres(*sphere))
+            path = planner.plan(*ends)
+            clearance = float(np.linalg.norm(planner.tool_poses(path)[0] - sphere[0], axis=1).min()) - RADIUS
+            factor = 0.5 * np.linalg.slogdet(tensors(skill, shown, *sphere, _STRENGTH))[1]
+            length = riemannian_length(skill, path.latent, *sphere, _STRENGTH)
+            moments.append(
+                Moment(1e3 * distance, length, 1e3 * clearance, factor.reshape(_SIDE, _SIDE), cut.seen(path.latent))
+            )
+        return ReshapedReport(skill.name, tuple(moments), codes, (left, right, bottom, top))
 
 
 def tensors(
@@ -145,24 +169,6 @@ def riemannian_length(
     steps = np.diff(curve, axis=0)
     metric = tensors(skill, curve[:-1] + 0.5 * steps, centres, radii, strength)
     return float(np.sqrt(np.einsum("nd,nde,ne->n", steps, metric, steps)).sum())
-
-
-def draw_reshaped(report: ReshapedReport, path: Path) -> None:
-    """A picture for each moment, all on one scale: bright where lengths are long; demonstrations as thin lines."""
-    figure = Figure(figsize=(11.0, 3.1), layout="constrained")
-    row = figure.subplots(1, len(report.moments))
-    low, high = np.percentile(np.stack([each.factor for each in report.moments]), [1.0, 99.5])
-    scale = {"vmin": low, "vmax": high, "extent": report.box, "origin": "lower", "aspect": "auto"}
-    for axes, moment in zip(row, report.moments, strict=True):
-        image = axes.imshow(moment.factor, **scale)
-        for code in report.codes:
-            axes.plot(*code.T, color="white", linewidth=0.5, alpha=0.7)
-        draw_haloed(axes, moment.path, VERMILION, "-")
-        axes.set_xticks([])
-        axes.set_yticks([])
-        axes.set_title(f"sphere {moment.distance_mm:.0f} mm off the free path", fontsize=9)
-    figure.colorbar(image, ax=row, label=MAGNIFICATION_LABEL, pad=0.01)
-    write_figure(figure, path)
 
 
 def _differences(skill: Skill, latent: np.ndarray, step: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

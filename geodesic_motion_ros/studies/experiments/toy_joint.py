@@ -20,7 +20,6 @@ as the paper writes it.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -31,6 +30,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from scipy.spatial import cKDTree
+from tqdm import tqdm
 
 from geodesic_motion_ros.learning.body_layer import BodyLayer
 from geodesic_motion_ros.learning.joint_space import JointSpaceVAE
@@ -44,15 +44,15 @@ from geodesic_motion_ros.studies.experiments.latent_pictures import (
     DEVIATION_LABEL,
     MAGNIFICATION_LABEL,
     Landscape,
+    ToyPaths,
     between_samples,
-    draw_haloed,
+    draw_off,
+    draw_pairs,
     draw_values,
     grid_around,
 )
-from geodesic_motion_ros.studies.experiments.metric_graph import MetricGraph, evenly, latent_length
-from geodesic_motion_ros.studies.tools.geodesic import GeodesicSettings, continuous_geodesic
+from geodesic_motion_ros.studies.experiments.study import Report, Study, seeds
 from geodesic_motion_ros.studies.tools.joint_metric import JointPullbackMetric
-from geodesic_motion_ros.utils.errors import ParameterError
 from geodesic_motion_ros.utils.tables import text_table
 from geodesic_motion_ros.visualization.plots import BLUE, GREEN, GREY, ORANGE, VERMILION, legend_below, write_figure
 
@@ -60,7 +60,7 @@ from geodesic_motion_ros.visualization.plots import BLUE, GREEN, GREY, ORANGE, V
 SHOWN, SAMPLES = 5, 100
 #: Middle, width and height of the S [m], and how far demonstrations are from it [m].
 _MIDDLE, _SIZE, _SPREAD = np.array([0.38, 0.0]), (0.1, 0.2), 0.006
-SIDE, NEIGHBOURS, _BORDER = 100, 16, 0.25
+SIDE, _BORDER = 100, 0.25
 PAIRS = 2
 """Pairs of ends in each posture, one geodesic each."""
 METRICS = {"ours": JointMetricSettings(), "literal": JointMetricSettings(sigma_weight=1.0, joint_weight=1e-3)}
@@ -74,10 +74,9 @@ TRAINING = JointTrainingSettings(
     bandwidth_factor=1.3,
     precision_iterations=100,
 )
-_DESCENT = GeodesicSettings(control_points=15, samples=100, iterations=20)
+#: Steps of the descent.
+_DESCENT = 20
 _POSTURES = ("elbow to the left", "elbow to the right")
-
-Progress = Callable[[str], None]
 
 
 @dataclass(frozen=True)
@@ -121,7 +120,7 @@ class ToyJointRow:
 
 
 @dataclass(frozen=True)
-class ToyJointReport:
+class ToyJointReport(Report):
     """All rows; what was shown, (2 SHOWN, T, 2) [rad]; and the latent space of the first seed."""
 
     robot: Robot
@@ -130,7 +129,6 @@ class ToyJointReport:
     landscape: Landscape
 
     def as_dict(self) -> dict[str, Any]:
-        """What `--json` writes; curves and pictures are left out."""
         names = ("tool_mean_mm", "tool_largest_mm", "joints_largest_deg", "switches")
         return {
             "rows": [
@@ -156,6 +154,37 @@ class ToyJointReport:
             ]
             lines.append([row.metric, row.seed, f"{row.own_posture:.0%}", *cells, f"{row.across / row.within:.3g}"])
         return text_table(head, lines)
+
+    def draw(self, path: Path) -> None:
+        """Of the first seed: the arm along a geodesic of each posture, joint space, distances, and the latent space."""
+        figure = Figure(figsize=(10.5, 6.8), layout="constrained")
+        grid = figure.add_gridspec(2, 3)
+        row, count = self.rows[0], len(self.shown) // 2
+        for place, (number, title) in zip((0, 1), ((0, "a"), (PAIRS, "b")), strict=True):
+            axes = figure.add_subplot(grid[0, place])
+            _draw_arm(axes, self, row.geodesics[number], row.lines[number])
+            axes.set_title(f"{title}  {_POSTURES[place]}", loc="left", fontsize=11)
+        _draw_joints(figure.add_subplot(grid[0, 2]), self.shown, row)
+        landscape, joints = self.landscape, f"{DEVIATION_LABEL} of joints [rad]"
+        for place, values, title, label in (
+            (grid[1, 0], landscape.deviation, "d  variance measure: two clusters", joints),
+            (grid[1, 1], landscape.magnification, "e  magnification factor", MAGNIFICATION_LABEL),
+        ):
+            axes = figure.add_subplot(place)
+            draw_values(figure, axes, landscape, values, label, count)
+            draw_pairs(axes, *([curve.latent for curve in of[::PAIRS]] for of in (row.lines, row.geodesics)))
+            axes.set_title(title, loc="left", fontsize=11)
+        _draw_off(figure.add_subplot(grid[1, 2]), row)
+        handles = [
+            Line2D([], [], color=GREY, label="demonstrations (in d, e white)"),
+            Line2D([], [], color=GREY, linestyle=":", label="of the other posture"),
+            Line2D([], [], color=BLUE, linewidth=2.2, label="geodesic"),
+            Line2D([], [], color=VERMILION, linewidth=2.2, linestyle="--", label="straight line in the latent space"),
+            Line2D([], [], color=GREEN, linewidth=1.6, label="shortest path to the other posture"),
+            Line2D([], [], color=ORANGE, linewidth=1.6, label="the arm along the geodesic"),
+        ]
+        legend_below(figure, handles)
+        write_figure(figure, path)
 
 
 def planar_arm() -> Robot:
@@ -186,39 +215,27 @@ def toy_configurations(count: int = SHOWN, samples: int = SAMPLES, seed: int = 0
     return np.stack(curves)
 
 
-def measure_toy_joint(
-    seeds: Sequence[int] = (0, 1, 2),
-    settings: JointTrainingSettings = TRAINING,
-    shown: np.ndarray | None = None,
-    progress: Progress | None = None,
-) -> ToyJointReport:
+@dataclass(frozen=True)
+class ToyJoint(Study):
     """Learn both postures together, once for every seed, and measure.
 
-    Parameters
-    ----------
-    settings : its seed is replaced. shown : (2n, T, 2) [rad], n of each posture; None: `toy_configurations`.
-    progress : receives what begins.
-
-    Raises
-    ------
-    ParameterError : no seeds.
+    training : its seed is replaced. shown : (2n, T, 2) [rad], n of each posture; None: `toy_configurations`.
     """
-    if not seeds:
-        raise ParameterError("no seeds: at least one training is needed")
-    robot = planar_arm()
-    shown = toy_configurations() if shown is None else shown
-    rows: list[ToyJointRow] = []
-    landscape = None
-    for seed in seeds:
-        if progress is not None:
-            progress(f"seed {seed}")
-        vae = train_joint_model(shown, replace(settings, seed=seed), body_layer(robot, settings.metric))
-        toy = _Toy(robot, shown, vae)
-        landscape = landscape or toy.landscape()
-        rows += [_measured(toy, name, seed) for name in METRICS]
-    assert landscape is not None
-    rows.sort(key=lambda row: (list(METRICS).index(row.metric), row.seed))
-    return ToyJointReport(robot, shown, tuple(rows), landscape)
+
+    seeds: tuple[int, ...] = seeds("one training each")
+    training: JointTrainingSettings = TRAINING
+    shown: np.ndarray | None = None
+
+    def measure(self, out: Path) -> ToyJointReport:
+        robot, shown = planar_arm(), toy_configurations() if self.shown is None else self.shown
+        rows, landscapes = [], []
+        for seed in tqdm(self.seeds, desc="toy-joint", unit="seed"):
+            training = replace(self.training, seed=seed)
+            toy = _Toy(robot, shown, train_joint_model(shown, training, body_layer(robot, training.metric)))
+            landscapes += [] if landscapes else [toy.landscape()]
+            rows += [_measured(toy, name, seed) for name in METRICS]
+        rows.sort(key=lambda row: (list(METRICS).index(row.metric), row.seed))
+        return ToyJointReport(robot, shown, tuple(rows), landscapes[0])
 
 
 class _Toy:
@@ -261,59 +278,18 @@ class _Toy:
 
 
 def _measured(toy: _Toy, metric_name: str, seed: int) -> ToyJointRow:
-    metric, count = toy.metric(metric_name), toy.per_posture
-    graph = MetricGraph.on_grid(metric, toy.grid, np.ones(SIDE**2, dtype=bool), NEIGHBOURS)
-    geodesics, lines, crossings, within, across = [], [], [], [], []
-    for posture in range(2):
-        for number in range(PAIRS):
-            start = toy.codes[posture * count + number, 0]
-            goal, other = (toy.codes[side * count + (number + 1) % count, -1] for side in (posture, 1 - posture))
-            path, crossing = graph.path(start, goal), graph.path(start, other)
-            geodesics.append(toy.decoded(evenly(continuous_geodesic(metric, start, goal, path, _DESCENT).curve)))
-            lines.append(toy.decoded(evenly(np.stack([start, goal]))))
-            crossings.append(toy.decoded(evenly(crossing)))
-            within.append(latent_length(metric, path) ** 2)
-            across.append(latent_length(metric, crossing) ** 2)
+    codes, count = toy.codes, toy.per_posture
+    ends = [
+        (codes[posture * count + number, 0],
+         *(codes[side * count + (number + 1) % count, -1] for side in (posture, 1 - posture)))
+        for posture in range(2) for number in range(PAIRS)
+    ]  # fmt: skip
+    found = ToyPaths.between(toy.metric(metric_name), toy.grid, ends, _DESCENT)
+    geodesics, lines = (tuple(map(toy.decoded, curves)) for curves in (found.geodesics, found.lines))
+    crossing = toy.decoded(found.crossings[0])
     return ToyJointRow(
-        seed, metric_name, toy.own_posture(), tuple(geodesics), tuple(lines), crossings[0],
-        float(np.mean(within)), float(np.mean(across)),
+        seed, metric_name, toy.own_posture(), geodesics, lines, crossing, found.within, found.across
     )  # fmt: skip
-
-
-def draw_toy_joint(report: ToyJointReport, path: Path) -> None:
-    """Of the first seed: the arm along a geodesic of each posture, joint space, distances, and the latent space."""
-    figure = Figure(figsize=(10.5, 6.8), layout="constrained")
-    grid = figure.add_gridspec(2, 3)
-    row, count = report.rows[0], len(report.shown) // 2
-    for place, (number, title) in zip((0, 1), ((0, "a"), (PAIRS, "b")), strict=True):
-        axes = figure.add_subplot(grid[0, place])
-        _draw_arm(axes, report, row.geodesics[number], row.lines[number])
-        axes.set_title(f"{title}  {_POSTURES[place]}", loc="left", fontsize=11)
-    _draw_joints(figure.add_subplot(grid[0, 2]), report.shown, row)
-    landscape = report.landscape
-    for place, values, title, label in (
-        (grid[1, 0], landscape.deviation, "d  variance measure: two clusters", DEVIATION_LABEL + " of joints [rad]"),
-        (grid[1, 1], landscape.magnification, "e  magnification factor", MAGNIFICATION_LABEL),
-    ):
-        axes = figure.add_subplot(place)
-        draw_values(figure, axes, landscape, values, label, count)
-        for curve, colour, style in (
-            *((line, VERMILION, "--") for line in row.lines[::PAIRS]),
-            *((found, BLUE, "-") for found in row.geodesics[::PAIRS]),
-        ):
-            draw_haloed(axes, curve.latent, colour, style)
-        axes.set_title(title, loc="left", fontsize=11)
-    _draw_off(figure.add_subplot(grid[1, 2]), row)
-    handles = [
-        Line2D([], [], color=GREY, label="demonstrations (in d, e white)"),
-        Line2D([], [], color=GREY, linestyle=":", label="of the other posture"),
-        Line2D([], [], color=BLUE, linewidth=2.2, label="geodesic"),
-        Line2D([], [], color=VERMILION, linewidth=2.2, linestyle="--", label="straight line in the latent space"),
-        Line2D([], [], color=GREEN, linewidth=1.6, label="shortest path to the other posture"),
-        Line2D([], [], color=ORANGE, linewidth=1.6, label="the arm along the geodesic"),
-    ]
-    legend_below(figure, handles)
-    write_figure(figure, path)
 
 
 def _draw_arm(axes: Axes, report: ToyJointReport, geodesic: JointCurve, line: JointCurve) -> None:
@@ -325,8 +301,7 @@ def _draw_arm(axes: Axes, report: ToyJointReport, geodesic: JointCurve, line: Jo
         elbow = 0.3 * np.array([np.cos(shoulder), np.sin(shoulder)])
         arm = 100.0 * np.stack([np.zeros(2), elbow, tool])
         axes.plot(*arm.T, "-o", color=ORANGE, linewidth=1.3, markersize=2.5, alpha=0.55, zorder=2)
-    draw_haloed(axes, 100.0 * line.tool, VERMILION, "--")
-    draw_haloed(axes, 100.0 * geodesic.tool, BLUE, "-")
+    draw_pairs(axes, [100.0 * line.tool], [100.0 * geodesic.tool])
     axes.set(xlabel="x [cm]", ylabel="y [cm]", aspect="equal")
 
 
@@ -342,23 +317,15 @@ def _draw_joints(axes: Axes, shown: np.ndarray, row: ToyJointRow) -> None:
         style = "-" if number < count else ":"
         axes.plot(*np.degrees(configurations.T), style, color=GREY, linewidth=0.8)
     axes.plot(*np.degrees(row.crossing.configurations.T), color=GREEN, linewidth=1.6)
-    for curve, colour, style in (
-        *((line, VERMILION, "--") for line in row.lines[::PAIRS]),
-        *((found, BLUE, "-") for found in row.geodesics[::PAIRS]),
-    ):
-        draw_haloed(axes, np.degrees(curve.configurations), colour, style)
+    drawn = ([np.degrees(curve.configurations) for curve in of[::PAIRS]] for of in (row.lines, row.geodesics))
+    draw_pairs(axes, *drawn)
     axes.set(xlabel="shoulder [deg]", ylabel="elbow [deg]")
     axes.set_title("c  joint space", loc="left", fontsize=11)
 
 
 def _draw_off(axes: Axes, row: ToyJointRow) -> None:
-    for curves, colour, style in (
-        (row.lines, VERMILION, "--"),
-        (row.geodesics, BLUE, "-"),
-        ([row.crossing], GREEN, "-"),
-    ):
-        for curve in curves:
-            axes.plot(np.linspace(0.0, 1.0, len(curve.off)), 1e3 * curve.off[:, 0], style, color=colour, linewidth=1.6)
-    axes.set(xlabel="share of the path", ylabel="distance of the tool from the S [mm]", yscale="log", ylim=(1.0, 300.0))
-    axes.grid(alpha=0.3)
+    draw_off(axes, [curve.off[:, 0] for curve in row.lines], VERMILION, "--")
+    draw_off(axes, [curve.off[:, 0] for curve in row.geodesics], BLUE)
+    draw_off(axes, [row.crossing.off[:, 0]], GREEN)
+    axes.set(ylabel="distance of the tool from the S [mm]", yscale="log", ylim=(1.0, 300.0))
     axes.set_title(f"f  off the data: {len(row.lines)} pairs of ends", loc="left", fontsize=11)

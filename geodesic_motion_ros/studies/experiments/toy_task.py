@@ -22,7 +22,6 @@ once, as the paper writes it.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -33,6 +32,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from scipy.spatial import cKDTree
+from tqdm import tqdm
 
 from geodesic_motion_ros.learning.settings import TrainingSettings
 from geodesic_motion_ros.learning.task_space import TaskSpaceVAE
@@ -43,15 +43,15 @@ from geodesic_motion_ros.studies.experiments.latent_pictures import (
     DEVIATION_LABEL,
     MAGNIFICATION_LABEL,
     Landscape,
+    ToyPaths,
     between_samples,
-    draw_haloed,
+    draw_off,
+    draw_pairs,
     draw_values,
     grid_around,
 )
-from geodesic_motion_ros.studies.experiments.metric_graph import MetricGraph, evenly, latent_length
-from geodesic_motion_ros.studies.tools.geodesic import GeodesicSettings, continuous_geodesic
+from geodesic_motion_ros.studies.experiments.study import Report, Study, seeds
 from geodesic_motion_ros.studies.tools.metric import PullbackMetric
-from geodesic_motion_ros.utils.errors import ParameterError
 from geodesic_motion_ros.utils.tables import text_table
 from geodesic_motion_ros.visualization.plots import BLUE, GREY, VERMILION, legend_below, write_figure
 
@@ -59,8 +59,8 @@ from geodesic_motion_ros.visualization.plots import BLUE, GREY, VERMILION, legen
 SHOWN, SAMPLES = 7, 100
 #: Half the opening of the C, and its radius on the sphere [rad].
 _OPENING, _C_RADIUS = np.radians(55.0), np.radians(40.0)
-#: Nodes of the latent grid along each axis, directions from each, and its free border as a share of the codes' box.
-SIDE, NEIGHBOURS, _BORDER = 100, 16, 0.25
+#: Nodes of the latent grid along each axis, and its free border as a share of the codes' box; steps of the descent.
+SIDE, _BORDER, _DESCENT = 100, 0.25, 40
 #: Pairs of ends, one geodesic each.
 PAIRS = 3
 LIKELIHOODS = {"single": "two_cluster", "mixture": "sign_blind"}
@@ -70,9 +70,6 @@ ROWS = (("single", "angular"), ("single", "literal"), ("mixture", "angular"))
 
 #: Learned with less than a skill: two coordinates of position on two of orientation.
 TRAINING = TrainingSettings(sheet="raw", hidden=(64, 32), steps=2000, kernels=150)
-_DESCENT = GeodesicSettings(control_points=15, samples=100, iterations=40)
-
-Progress = Callable[[str], None]
 
 
 @dataclass(frozen=True)
@@ -131,7 +128,7 @@ class ToyRow:
 
 
 @dataclass(frozen=True)
-class ToyTaskReport:
+class ToyTaskReport(Report):
     """All rows, and of the first seed the latent spaces by likelihood."""
 
     shown: ToyPoses
@@ -140,7 +137,6 @@ class ToyTaskReport:
     landscapes: dict[str, Landscape]
 
     def as_dict(self) -> dict[str, Any]:
-        """What `--json` writes; curves and pictures are left out."""
         rows = [
             {
                 "likelihood": row.likelihood, "metric": row.metric, "seed": row.seed, "own_sign": row.own_sign,
@@ -167,6 +163,35 @@ class ToyTaskReport:
         ]  # fmt: skip
         note = "a demonstration is {:.1f} mm and {:.1f} deg from the nearest pose of the others, on average"
         return text_table(head, lines, left=(0, 1)) + "\n" + note.format(*self.apart)
+
+    def draw(self, path: Path) -> None:
+        """The letters with the first seed's curves, its latent space in three views, how far curves leave the data."""
+        figure = Figure(figsize=(10.5, 6.8), layout="constrained")
+        grid = figure.add_gridspec(2, 3)
+        row = next(row for row in self.rows if (row.likelihood, row.metric) == ROWS[0])
+        _draw_plane(figure.add_subplot(grid[0, 0]), self.shown, row)
+        _draw_sphere(figure.add_subplot(grid[0, 1], projection="3d", computed_zorder=False), self.shown, row)
+        _draw_off(figure.add_subplot(grid[0, 2]), row)
+        single, mixture = self.landscapes["single"], self.landscapes["mixture"]
+        count, label = len(self.shown.positions), DEVIATION_LABEL + " of positions [m]"
+        for place, landscape, values, title, quantity in (
+            (grid[1, 0], single, single.deviation, "d  variance measure: two clusters", label),
+            (grid[1, 1], single, single.magnification, "e  magnification factor", MAGNIFICATION_LABEL),
+            (grid[1, 2], mixture, mixture.deviation, "f  the paper's mixture: one cluster", label),
+        ):
+            axes = figure.add_subplot(place)
+            draw_values(figure, axes, landscape, values, quantity, count)
+            axes.set_title(title, loc="left", fontsize=11)
+            if landscape is single:
+                draw_pairs(axes, *([curves[0].latent] for curves in (row.lines, row.geodesics)))
+        handles = [
+            Line2D([], [], color=GREY, label="demonstrations, $q$ (in d to f white)"),
+            Line2D([], [], color=GREY, linestyle=":", label="demonstrations, $-q$"),
+            Line2D([], [], color=BLUE, linewidth=2.2, label="geodesic"),
+            Line2D([], [], color=VERMILION, linewidth=2.2, linestyle="--", label="straight line in the latent space"),
+        ]
+        legend_below(figure, handles)
+        write_figure(figure, path)
 
 
 def toy_demonstrations(count: int = SHOWN, samples: int = SAMPLES, seed: int = 0) -> ToyPoses:
@@ -197,44 +222,30 @@ def _letter_j(share: np.ndarray) -> np.ndarray:
     return np.stack([0.16 - radius * (1.0 - np.cos(angle)), down], axis=1)
 
 
-def measure_toy_task(
-    seeds: Sequence[int] = (0, 1, 2),
-    settings: TrainingSettings = TRAINING,
-    shown: ToyPoses | None = None,
-    progress: Progress | None = None,
-) -> ToyTaskReport:
+@dataclass(frozen=True)
+class ToyTask(Study):
     """Learn the letters with either likelihood, once for every seed, and measure.
 
-    Parameters
-    ----------
-    settings : its seed and its orientation model are replaced. shown : None: `toy_demonstrations`. progress : receives
-        what begins.
-
-    Raises
-    ------
-    ParameterError : no seeds.
+    training : its seed and its orientation model are replaced. shown : None: `toy_demonstrations`.
     """
-    if not seeds:
-        raise ParameterError("no seeds: at least one training is needed")
-    shown = shown or toy_demonstrations()
-    count, samples = shown.positions.shape[:2]
-    fractions = np.tile(np.linspace(0.0, 1.0, samples), 2 * count)
-    rows, landscapes = [], {}
-    for seed in seeds:
-        for likelihood, orientation_model in LIKELIHOODS.items():
-            if progress is not None:
-                progress(f"{likelihood}, seed {seed}")
-            chosen = replace(settings, seed=seed, orientation_model=orientation_model)
-            toy = _Toy(shown, train_model(*shown.doubled, fractions, chosen))
-            landscapes.setdefault(likelihood, toy.landscape())
-            rows += [_measured(toy, metric, likelihood, seed) for _, metric in _of(likelihood)]
-    order = {name: number for number, name in enumerate(ROWS)}
-    rows.sort(key=lambda row: (order[row.likelihood, row.metric], row.seed))
-    return ToyTaskReport(shown, _apart(shown), tuple(rows), landscapes)
 
+    seeds: tuple[int, ...] = seeds("one training each")
+    training: TrainingSettings = TRAINING
+    shown: ToyPoses | None = None
 
-def _of(likelihood: str) -> Iterator[tuple[str, str]]:
-    return (row for row in ROWS if row[0] == likelihood)
+    def measure(self, out: Path) -> ToyTaskReport:
+        shown = self.shown or toy_demonstrations()
+        fractions = np.tile(np.linspace(0.0, 1.0, shown.positions.shape[1]), 2 * len(shown.positions))
+        rows, landscapes = [], {}
+        for seed in tqdm(self.seeds, desc="toy-task", unit="seed"):
+            for likelihood, orientation_model in LIKELIHOODS.items():
+                chosen = replace(self.training, seed=seed, orientation_model=orientation_model)
+                toy = _Toy(shown, train_model(*shown.doubled, fractions, chosen))
+                landscapes.setdefault(likelihood, toy.landscape())
+                rows += [_measured(toy, metric, likelihood, seed) for of, metric in ROWS if of == likelihood]
+        order = {name: number for number, name in enumerate(ROWS)}
+        rows.sort(key=lambda row: (order[row.likelihood, row.metric], row.seed))
+        return ToyTaskReport(shown, _apart(shown), tuple(rows), landscapes)
 
 
 class _Toy:
@@ -267,21 +278,13 @@ class _Toy:
 
 
 def _measured(toy: _Toy, metric_name: str, likelihood: str, seed: int) -> ToyRow:
-    metric, count = toy.metric(metric_name), len(toy.codes) // 2
-    graph = MetricGraph.on_grid(metric, toy.grid, np.ones(SIDE**2, dtype=bool), NEIGHBOURS)
-    geodesics, lines, within, across = [], [], [], []
-    for number in range(min(PAIRS, count)):
-        start, goal = toy.codes[number, 0], toy.codes[(number + 1) % count, -1]
-        opposite = toy.codes[(number + 1) % count + count, -1]
-        path = graph.path(start, goal)
-        found = continuous_geodesic(metric, start, goal, path, _DESCENT).curve
-        geodesics.append(toy.decoded(evenly(found)))
-        lines.append(toy.decoded(evenly(np.stack([start, goal]))))
-        within.append(latent_length(metric, path) ** 2)
-        across.append(latent_length(metric, graph.path(start, opposite)) ** 2)
+    codes, count = toy.codes, len(toy.codes) // 2
+    following = [(number, (number + 1) % count) for number in range(min(PAIRS, count))]
+    ends = [(codes[begin, 0], codes[end, -1], codes[end + count, -1]) for begin, end in following]
+    found = ToyPaths.between(toy.metric(metric_name), toy.grid, ends, _DESCENT)
+    geodesics, lines = (tuple(map(toy.decoded, curves)) for curves in (found.geodesics, found.lines))
     return ToyRow(
-        likelihood, metric_name, seed, toy.own_sign(), tuple(geodesics), tuple(lines),
-        float(np.mean(within)), float(np.mean(across)),
+        likelihood, metric_name, seed, toy.own_sign(), geodesics, lines, found.within, found.across
     )  # fmt: skip
 
 
@@ -295,40 +298,10 @@ def _apart(shown: ToyPoses) -> tuple[float, float]:
     return 1e3 * float(distance), math.degrees(angle)
 
 
-def draw_toy_task(report: ToyTaskReport, path: Path) -> None:
-    """The letters with the first seed's curves, its latent space in three views, and how far curves leave the data."""
-    figure = Figure(figsize=(10.5, 6.8), layout="constrained")
-    grid = figure.add_gridspec(2, 3)
-    row = next(row for row in report.rows if (row.likelihood, row.metric) == ROWS[0])
-    _draw_plane(figure.add_subplot(grid[0, 0]), report.shown, row)
-    _draw_sphere(figure.add_subplot(grid[0, 1], projection="3d", computed_zorder=False), report.shown, row)
-    _draw_off(figure.add_subplot(grid[0, 2]), row)
-    single, mixture = report.landscapes["single"], report.landscapes["mixture"]
-    count, label = len(report.shown.positions), DEVIATION_LABEL + " of positions [m]"
-    for place, landscape, values, title, quantity in (
-        (grid[1, 0], single, single.deviation, "d  variance measure: two clusters", label),
-        (grid[1, 1], single, single.magnification, "e  magnification factor", MAGNIFICATION_LABEL),
-        (grid[1, 2], mixture, mixture.deviation, "f  the paper's mixture: one cluster", label),
-    ):
-        axes = figure.add_subplot(place)
-        draw_values(figure, axes, landscape, values, quantity, count)
-        axes.set_title(title, loc="left", fontsize=11)
-        if landscape is single:
-            _draw_curves(axes, row, lambda curve: curve.latent)
-    handles = [
-        Line2D([], [], color=GREY, label="demonstrations, $q$ (in d to f white)"),
-        Line2D([], [], color=GREY, linestyle=":", label="demonstrations, $-q$"),
-        Line2D([], [], color=BLUE, linewidth=2.2, label="geodesic"),
-        Line2D([], [], color=VERMILION, linewidth=2.2, linestyle="--", label="straight line in the latent space"),
-    ]
-    legend_below(figure, handles)
-    write_figure(figure, path)
-
-
 def _draw_plane(axes: Axes, shown: ToyPoses, row: ToyRow) -> None:
     for positions in shown.positions:
         axes.plot(*(100.0 * positions.T), color=GREY, linewidth=0.8)
-    _draw_curves(axes, row, lambda curve: 100.0 * curve.positions)
+    draw_pairs(axes, *([100.0 * curves[0].positions] for curves in (row.lines, row.geodesics)))
     axes.set(xlabel="$x_1$ [cm]", ylabel="$x_2$ [cm]", aspect="equal")
     axes.margins(0.15)
     axes.set_title("a  positions in the plane", loc="left", fontsize=11)
@@ -341,7 +314,7 @@ def _draw_sphere(axes: Axes, shown: ToyPoses, row: ToyRow) -> None:
     for directions in shown.directions:
         axes.plot(*directions.T, color=GREY, linewidth=0.8, zorder=2)
         axes.plot(*-directions.T, ":", color=GREY, linewidth=0.8, zorder=1)
-    _draw_curves(axes, row, lambda curve: curve.directions)
+    draw_pairs(axes, *([curves[0].directions] for curves in (row.lines, row.geodesics)))
     axes.view_init(50.0, -75.0)
     axes.set_box_aspect((1.0, 1.0, 1.0), zoom=1.45)
     axes.set_axis_off()
@@ -349,15 +322,7 @@ def _draw_sphere(axes: Axes, shown: ToyPoses, row: ToyRow) -> None:
 
 
 def _draw_off(axes: Axes, row: ToyRow) -> None:
-    for curves, colour, style in ((row.geodesics, BLUE, "-"), (row.lines, VERMILION, "--")):
-        for curve in curves:
-            share = np.linspace(0.0, 1.0, len(curve.off))
-            axes.plot(share, 1e3 * curve.off[:, 0], style, color=colour, linewidth=1.6)
-    axes.set(xlabel="share of the path", ylabel="distance of positions from the data [mm]")
-    axes.grid(alpha=0.3)
+    draw_off(axes, [curve.off[:, 0] for curve in row.geodesics], BLUE)
+    draw_off(axes, [curve.off[:, 0] for curve in row.lines], VERMILION, "--")
+    axes.set_ylabel("distance of positions from the data [mm]")
     axes.set_title(f"c  off the data: {len(row.lines)} pairs of ends", loc="left", fontsize=11)
-
-
-def _draw_curves(axes: Axes, row: ToyRow, of: Callable[[ToyCurve], np.ndarray]) -> None:
-    for curves, colour, style in ((row.lines, VERMILION, "--"), (row.geodesics, BLUE, "-")):
-        draw_haloed(axes, of(curves[0]), colour, style)

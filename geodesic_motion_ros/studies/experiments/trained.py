@@ -5,11 +5,12 @@ from __future__ import annotations
 import ast
 import hashlib
 import json
-from collections.abc import Callable, Iterator, Sequence
+from abc import abstractmethod
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import asdict, dataclass, replace
 from importlib.util import find_spec
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 from tqdm import tqdm
@@ -19,6 +20,7 @@ from geodesic_motion_ros.demonstrations.demonstrations import Demonstrations
 from geodesic_motion_ros.demonstrations.joint_demonstrations import JointDemonstrations
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.skill.skill import Skill
+from geodesic_motion_ros.studies.experiments.study import OfRecordings, Report, seeds, steps
 from geodesic_motion_ros.utils.errors import ParameterError, SkillError
 
 if TYPE_CHECKING:
@@ -43,14 +45,36 @@ class Trained:
     held_out: Demonstrations | JointDemonstrations
 
 
+@dataclass(frozen=True)
+class OfTrainings(OfRecordings):
+    """A study of the skills of every recording, fold and seed."""
+
+    seeds: tuple[int, ...] = seeds("one training each", (0,))
+    steps: int | None = steps()
+    sheet: Literal["canonical", "raw"] = "canonical"
+
+    def measure(self, out: Path) -> Report:
+        settings = task_training(self.steps, self.sheet)
+        return self.measured(
+            trained for task, recording, folds in self.split()
+            for trained in trained_on_folds(task, recording, folds, self.seeds, out / "skills", settings)
+        )  # fmt: skip
+
+    @abstractmethod
+    def measured(self, skills: Iterable[Trained]) -> Report:
+        """The same of skills that are trained."""
+
+
+def task_training(steps: int | None, sheet: Literal["canonical", "raw"] = "canonical") -> TrainingSettings:
+    """The defaults, but for as many steps as are given."""
+    from geodesic_motion_ros.learning.settings import TrainingSettings
+
+    settings = TrainingSettings(sheet=sheet)
+    return settings if steps is None else replace(settings, steps=steps)
+
+
 #: For experiments that show what several skills do, one for each seed, not how exact one can be: less of everything.
 BRIEFLY = {"samples": 120, "steps": 1500, "kernels": 300, "precision_samples": 2, "precision_iterations": 80}
-
-
-def check_seeds(seeds: Sequence[int]) -> None:
-    """ParameterError where there are none, or a negative one."""
-    if not seeds or min(seeds) < 0:
-        raise ParameterError(f"seeds {tuple(seeds)}: give at least one, none negative")
 
 
 def trained_on_folds(

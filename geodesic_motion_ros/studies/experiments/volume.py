@@ -15,7 +15,6 @@ from_mean_mm    mean distance of the tool on that path from the mean demonstrati
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -23,16 +22,23 @@ from typing import Any
 import numpy as np
 import torch
 from matplotlib.figure import Figure
+from tqdm import tqdm
 
+from geodesic_motion_ros.cli.arguments import metres
 from geodesic_motion_ros.demonstrations.joint_canonical import along_body_arc
 from geodesic_motion_ros.demonstrations.joint_demonstrations import JointDemonstrations
 from geodesic_motion_ros.demonstrations.modes import cluster_modes
+from geodesic_motion_ros.demonstrations.readers import read_joint_demonstrations
 from geodesic_motion_ros.learning.joint_training import body_layer
 from geodesic_motion_ros.learning.settings import JointTrainingSettings
 from geodesic_motion_ros.manifold.configuration_graph import JointMetricSettings
+from geodesic_motion_ros.robot.description import DEFAULT_ROBOT
 from geodesic_motion_ros.robot.kinematics import Robot
+from geodesic_motion_ros.simulation.joint_teacher import reach_to_grasp
 from geodesic_motion_ros.skill.skill import Skill
+from geodesic_motion_ros.studies.experiments.imitation import stage_shown_on
 from geodesic_motion_ros.studies.experiments.joint_imitation import tool_curve
+from geodesic_motion_ros.studies.experiments.study import Report, Study, option, steps
 from geodesic_motion_ros.studies.experiments.trained import trained_once
 from geodesic_motion_ros.studies.paper.paper_planner import PaperPlanner
 from geodesic_motion_ros.studies.tools.similarity import compare
@@ -43,8 +49,6 @@ from geodesic_motion_ros.visualization.plots import BLUE, GREEN, GREY, ORANGE, V
 #: Points of a path at which its volume is evaluated.
 _SAMPLES = 200
 _COLOURS = (BLUE, VERMILION, GREEN, ORANGE)
-
-Progress = Callable[[str, int, int], None]
 
 
 @dataclass(frozen=True)
@@ -62,7 +66,7 @@ class VolumeRow:
 
 
 @dataclass(frozen=True)
-class VolumeReport:
+class VolumeReport(Report):
     """Rows, and log V (N, samples) along the demonstrations."""
 
     rows: tuple[VolumeRow, ...]
@@ -75,64 +79,77 @@ class VolumeReport:
     def as_dict(self) -> dict[str, Any]:
         return {"rows": [asdict(row) for row in self.rows], "demonstrations": self.shown}
 
+    def draw(self, path: Path) -> None:
+        """log V along the demonstrations and along the planned paths."""
+        figure = Figure(figsize=(7.0, 4.2), layout="constrained")
+        axes = figure.add_subplot()
+        share = np.linspace(0.0, 1.0, self.shown.shape[1])
+        axes.plot(share, self.shown.T, color=GREY, linewidth=0.8, alpha=0.6)
+        axes.plot([], [], color=GREY, label="demonstrations")
+        # The first is drawn broad: paths that coincide are seen as both.
+        widths = (5.0, *[2.0] * (len(self.rows) - 1))
+        for row, colour, width in zip(self.rows, _COLOURS, widths, strict=False):
+            axes.plot(share, row.volumes, color=colour, linewidth=width, label=f"planned, volume weight {row.weight:g}")
+        axes.set_xlabel("share of the path")
+        axes.set_ylabel("log V: how much the joints move the body")
+        axes.legend(frameon=False)
+        write_figure(figure, path)
 
-def compare_volume(
-    demonstrations: JointDemonstrations,
-    weights: Sequence[float],
-    cache: Path,
-    settings: JointTrainingSettings | None = None,
-    progress: Progress | None = None,
-) -> VolumeReport:
+
+@dataclass(frozen=True)
+class Volume(Study):
     """Learn one skill per weight, all else the same, and plan with it.
 
-    settings : None: those of the paper.
-
-    Raises
-    ------
-    ParameterError : no weights, or not on the raw sheet. SkillError : a skill that came out cannot be used.
+    shown : what is learned where there are no `demos`; None: simulated reaches.
+    training : on the raw sheet; None: the paper's, but for `steps`.
     """
-    if not weights:
-        raise ParameterError("no volume weights: give at least one, 0 leaves the term out")
-    robot = Robot.named(demonstrations.robot)
-    base = settings or JointTrainingSettings.paper()
-    if base.sheet != "raw":
-        raise ParameterError("the volume term is compared in the paper's model, on the raw sheet")
-    metric = base.metric
-    shown = np.stack([along_body_arc(item.configurations, robot, metric, _SAMPLES) for item in demonstrations])
-    rows = []
-    for weight in weights:
-        began, trained = time.monotonic(), []
 
-        def noted(stage: str, step: int, steps: int, trained: list[str] = trained) -> None:
-            trained.append(stage)
-            if progress is not None:
-                progress(stage, step, steps)
+    demos: str | None = option(
+        None, "recorded joints, as `demonstrate`'s; without it a simulated reach to grasp, four times in two families",
+        type=str, metavar="FILE",
+    )  # fmt: skip
+    robot: str = option(DEFAULT_ROBOT, "whose joints were recorded")
+    weights: tuple[float, ...] = option((0.0, 1.0), "of the volume term", type=metres, metavar="W,W")
+    steps: int | None = steps()
+    shown: JointDemonstrations | None = None
+    training: JointTrainingSettings | None = None
 
-        skill = trained_once("volume", demonstrations, replace(base, volume_weight=weight), cache, noted)
-        rows.append(_measured(skill, shown, weight, time.monotonic() - began if trained else None))
-    return VolumeReport(tuple(rows), np.stack([log_volumes(curve, robot, metric) for curve in shown]))
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if not self.weights:
+            raise ParameterError("no volume weights: give at least one, 0 leaves the term out")
+        if self.training is not None and self.training.sheet != "raw":
+            raise ParameterError("the volume term is compared in the paper's model, on the raw sheet")
+
+    def measure(self, out: Path) -> VolumeReport:
+        """SkillError: a skill that came out cannot be used."""
+        demonstrations = self._demonstrations()
+        base = self.training or JointTrainingSettings.paper(**({} if self.steps is None else {"steps": self.steps}))
+        robot, metric = Robot.named(demonstrations.robot), base.metric
+        shown = np.stack([along_body_arc(item.configurations, robot, metric, _SAMPLES) for item in demonstrations])
+        rows = []
+        with tqdm(self.weights, desc="volume", unit="skill") as bar:
+            for weight in bar:
+                began, trained, tell = time.monotonic(), [], stage_shown_on(bar)
+
+                def noted(stage: str, step: int, steps: int, trained: list[str] = trained, tell: Any = tell) -> None:
+                    trained.append(stage)
+                    tell(stage, step, steps)
+
+                training = replace(base, volume_weight=weight)
+                skill = trained_once("volume", demonstrations, training, out / "skills", noted)
+                rows.append(_measured(skill, shown, weight, time.monotonic() - began if trained else None))
+        return VolumeReport(tuple(rows), np.stack([log_volumes(curve, robot, metric) for curve in shown]))
+
+    def _demonstrations(self) -> JointDemonstrations:
+        if self.demos is not None:
+            return read_joint_demonstrations(Path(self.demos), self.robot)
+        return self.shown or reach_to_grasp(4, seed=0, families=2)
 
 
 def log_volumes(configurations: np.ndarray, robot: Robot, metric: JointMetricSettings) -> np.ndarray:
     """log V (n,) at configurations (n, eta) [rad], of the layer that the training has."""
     return body_layer(robot, metric).log_volume(torch.tensor(configurations)).numpy()
-
-
-def draw_volume(report: VolumeReport, path: Path) -> None:
-    """log V along the demonstrations and along the planned paths."""
-    figure = Figure(figsize=(7.0, 4.2), layout="constrained")
-    axes = figure.add_subplot()
-    share = np.linspace(0.0, 1.0, report.shown.shape[1])
-    axes.plot(share, report.shown.T, color=GREY, linewidth=0.8, alpha=0.6)
-    axes.plot([], [], color=GREY, label="demonstrations")
-    # The first is drawn broad: paths that coincide are seen as both.
-    widths = (5.0, *[2.0] * (len(report.rows) - 1))
-    for row, colour, width in zip(report.rows, _COLOURS, widths, strict=False):
-        axes.plot(share, row.volumes, color=colour, linewidth=width, label=f"planned, volume weight {row.weight:g}")
-    axes.set_xlabel("share of the path")
-    axes.set_ylabel("log V: how much the joints move the body")
-    axes.legend(frameon=False)
-    write_figure(figure, path)
 
 
 def _measured(skill: Skill, shown: np.ndarray, weight: float, seconds: float | None) -> VolumeRow:

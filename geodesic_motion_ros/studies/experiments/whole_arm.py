@@ -11,8 +11,11 @@ from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
+from matplotlib.figure import Figure
+from matplotlib.image import imsave
 from tqdm import tqdm
 
+from geodesic_motion_ros.cli.arguments import name_list
 from geodesic_motion_ros.planning.arm_clearance import configuration_clearance
 from geodesic_motion_ros.planning.planner import ReactivePlanner
 from geodesic_motion_ros.planning.settings import PlannerSettings
@@ -22,7 +25,8 @@ from geodesic_motion_ros.skill.skill import Skill
 from geodesic_motion_ros.studies.experiments.blocked_arm import KINDS, BlockedPaths, BlockedScene, Kind, every
 from geodesic_motion_ros.studies.experiments.moving_arm import MovingArmScene, MovingArmStage
 from geodesic_motion_ros.studies.experiments.moving_spheres import draw_clearances, moving_figures, play_scenes
-from geodesic_motion_ros.studies.experiments.posture_strip import posture_strips
+from geodesic_motion_ros.studies.experiments.posture_strip import numbered, posture_strips
+from geodesic_motion_ros.studies.experiments.study import OfSkill, Report, option
 from geodesic_motion_ros.studies.experiments.tubes import TubePath, tube_path
 from geodesic_motion_ros.utils.errors import ParameterError
 from geodesic_motion_ros.utils.tables import text_table
@@ -35,35 +39,52 @@ _PICTURE_PERIOD = 0.02
 
 
 @dataclass(frozen=True)
-class WholeArmSettings:
-    """Which parts, how many scenes of standing spheres, or of none, each, and how many of moving ones.
+class WholeArm(OfSkill):
+    """Draw, plan, play and judge the scenes of the requested parts.
 
-    `seed` is of the scenes. `processes` play scenes of moving spheres at once, which does not change them.
+    processes : play scenes of moving spheres at once, which does not change them.
     """
 
-    parts: tuple[Part, ...] = PARTS
-    blocked_scenes: int = 40
-    moving_scenes: int = 40
-    seed: int = 0
-    processes: int = 1
+    skill: str = option("panda_reach_to_grasp", "of joint space: its folder, or a shipped name", metavar="SKILL")
+    parts: tuple[Part, ...] = option(PARTS, "what is measured", type=name_list(","), metavar="PART,PART")
+    scenes: int = option(40, "of standing spheres, or of none, in each part", least=1)
+    moving_scenes: int = option(40, "of moving spheres", least=1)
+    seed: int = option(0, "of the scenes", least=0)
+    processes: int = option(1, "that play scenes of moving spheres", least=1)
     planner: PlannerSettings = field(default_factory=PlannerSettings)
 
     def __post_init__(self) -> None:
-        unknown = [part for part in self.parts if part not in PARTS]
-        if unknown or not self.parts:
+        super().__post_init__()
+        if not self.parts or not set(self.parts) <= set(PARTS):
             raise ParameterError(f"parts are {', '.join(self.parts)}: choose from {', '.join(PARTS)}")
-        for name in ("blocked_scenes", "moving_scenes", "processes"):
-            if getattr(self, name) < 1:
-                raise ParameterError(f"{name} is {getattr(self, name)}; at least 1 is needed")
-        if self.seed < 0:
-            raise ParameterError(f"seed is {self.seed}; it must not be negative")
+
+    def measured(self, skill: Skill) -> WholeArmReport:
+        """ParameterError: the skill is not of joint space, or there are no such scenes with it."""
+        if skill.space != "joint":
+            raise ParameterError(f"'{skill.name}' is a skill of {skill.space} space: this experiment is of joint space")
+        tubes, moving = [], []
+        if "tubes" in self.parts:
+            planner = ReactivePlanner(skill, self.planner)
+            pairs = tqdm(range(self.scenes), desc="tubes", unit="pair")
+            tubes = [tube_path(planner, number, self.seed) for number in pairs]
+        blocked: dict[Kind, list[BlockedScene]] = {}
+        kinds = [kind for kind in KINDS if kind in self.parts]
+        if kinds:
+            paths = BlockedPaths(skill, self.planner)
+            for kind in kinds:
+                numbers = tqdm(range(self.scenes), desc=kind, unit="scene")
+                blocked[kind] = [paths.scene(kind, number, self.seed) for number in numbers]
+        if "moving" in self.parts:
+            stage = skill, self.planner, self.seed
+            moving = play_scenes(MovingArmStage, stage, self.moving_scenes, self.processes)
+        return WholeArmReport(self, tubes, blocked, moving)
 
 
 @dataclass(frozen=True)
-class WholeArmReport:
+class WholeArmReport(Report):
     """All scenes of the requested parts."""
 
-    settings: WholeArmSettings
+    settings: WholeArm
     tubes: list[TubePath]
     blocked: dict[Kind, list[BlockedScene]]
     moving: list[MovingArmScene] = field(repr=False)
@@ -111,7 +132,6 @@ class WholeArmReport:
         }
 
     def as_dict(self) -> dict[str, Any]:
-        """What `--json` writes."""
         content: dict[str, Any] = {"settings": asdict(self.settings)}
         if self.tubes:
             content["tubes"] = {"summary": self.tube_summary(), "pairs": [asdict(path) for path in self.tubes]}
@@ -141,68 +161,35 @@ class WholeArmReport:
             lines.append(text_table(["moving spheres", ""], rows, 3))
         return "\n".join(lines)
 
+    def draw(self, path: Path) -> None:
+        """Clearances in `whole_arm.png`; postures with and without the sphere of one switch in `strip.png`.
 
-def measure_whole_arm(
-    skill: Skill, settings: WholeArmSettings = WholeArmSettings(), show_progress: bool = True
-) -> WholeArmReport:
-    """Draw, plan, play and judge.
-
-    Raises
-    ------
-    ParameterError : the skill is not of joint space, or there are no such scenes with it.
-    """
-    if skill.space != "joint":
-        raise ParameterError(f"'{skill.name}' is a skill of {skill.space} space: this experiment is of joint space")
-    tubes = []
-    if "tubes" in settings.parts:
-        planner = ReactivePlanner(skill, settings.planner)
-        pairs = tqdm(range(settings.blocked_scenes), desc="tubes", unit="pair", disable=not show_progress)
-        tubes = [tube_path(planner, number, settings.seed) for number in pairs]
-    blocked: dict[Kind, list[BlockedScene]] = {}
-    kinds = [kind for kind in KINDS if kind in settings.parts]
-    if kinds:
-        paths, numbers = BlockedPaths(skill, settings.planner), range(settings.blocked_scenes)
-        for kind in kinds:
-            counted = tqdm(numbers, desc=kind, unit="scene", disable=not show_progress)
-            blocked[kind] = [paths.scene(kind, number, settings.seed) for number in counted]
-    moving = []
-    if "moving" in settings.parts:
-        stage = skill, settings.planner, settings.seed
-        moving = play_scenes(MovingArmStage, stage, settings.moving_scenes, settings.processes, show_progress)
-    return WholeArmReport(settings, tubes, blocked, moving)
-
-
-def draw_whole_arm(report: WholeArmReport, folder: Path) -> None:
-    """Clearances in `whole_arm.png`; postures with and without the sphere of one switch in `strip.png`.
-
-    The switch is the one whose sphere is deepest in the arm halfway on the nominal path.
-    """
-    from matplotlib.figure import Figure
-    from matplotlib.image import imsave
-
-    standing = {
-        f"{kind}, {{}} of {len(scenes)} answered": [s.answer.clearance for s in scenes if s.answer.answered]
-        for kind, scenes in report.blocked.items()
-    }
-    moving = {
-        f"moving, {{}} of {len(report.moving)} in which the arm moved": [
-            run.clearance for run in report.moving if np.isfinite(run.clearance)
-        ]
-    }
-    # What was not measured has no panel.
-    panels = [panel for panel in (("references", standing), ("scenes", moving)) if any(panel[1].values())]
-    if panels:
-        figure = Figure(figsize=(6 * len(panels), 4.5), layout="constrained")
-        for axes, (counted, clearances) in zip(figure.subplots(1, len(panels), squeeze=False)[0], panels, strict=True):
-            draw_clearances(axes, clearances)
-            axes.set(xlabel="least clearance of the arm [mm]", ylabel=counted)
-        write_figure(figure, folder / "whole_arm.png")
-    switches = [
-        scene for scenes in report.blocked.values() for scene in scenes
-        if scene.reference is not None and scene.answer.switched
-    ]  # fmt: skip
-    if switches:
-        imsave(folder / "strip.png", switch_strip(min(switches, key=_halfway_clearance)))
+        The switch is the one whose sphere is deepest in the arm halfway on the nominal path.
+        """
+        standing = {
+            f"{kind}, {{}} of {len(scenes)} answered": [s.answer.clearance for s in scenes if s.answer.answered]
+            for kind, scenes in self.blocked.items()
+        }
+        moving = {
+            f"moving, {{}} of {len(self.moving)} in which the arm moved": [
+                run.clearance for run in self.moving if np.isfinite(run.clearance)
+            ]
+        }
+        # What was not measured has no panel.
+        panels = [panel for panel in (("references", standing), ("scenes", moving)) if any(panel[1].values())]
+        if panels:
+            figure = Figure(figsize=(6 * len(panels), 4.5), layout="constrained")
+            row = figure.subplots(1, len(panels), squeeze=False)[0]
+            for axes, (counted, clearances) in zip(row, panels, strict=True):
+                draw_clearances(axes, clearances)
+                axes.set(xlabel="least clearance of the arm [mm]", ylabel=counted)
+            write_figure(figure, path.parent / "whole_arm.png")
+        switches = [
+            scene for scenes in self.blocked.values() for scene in scenes
+            if scene.reference is not None and scene.answer.switched
+        ]  # fmt: skip
+        if switches:
+            imsave(path.parent / "strip.png", switch_strip(min(switches, key=_halfway_clearance)))
 
 
 def switch_strip(scene: BlockedScene, width: int = 600, height: int = 400) -> np.ndarray:
@@ -212,20 +199,13 @@ def switch_strip(scene: BlockedScene, width: int = 600, height: int = 400) -> np
     """
     references = [scene.nominal, scene.reference or scene.nominal]
     motions = [every(_PICTURE_PERIOD, reference) for reference in references]
-    return posture_strips(motions, ({}, _spheres(scene)), width, height)
+    return posture_strips(motions, ({}, numbered(scene.centres, scene.radii)), width, height)
 
 
 def _halfway_clearance(scene: BlockedScene) -> float:
     """How far the arm is from the spheres halfway on the nominal path [m]."""
     model, halfway = CollisionModel.named("panda"), scene.nominal.sample(0.5 * scene.nominal.duration)[0]
     return configuration_clearance(model, Robot.named("panda"), halfway, scene.centres, scene.radii)[0]
-
-
-def _spheres(scene: BlockedScene) -> dict[str, tuple[np.ndarray, float]]:
-    return {
-        str(i): (centre, float(radius))
-        for i, (centre, radius) in enumerate(zip(scene.centres, scene.radii, strict=True))
-    }
 
 
 def _as_dict(scene: BlockedScene) -> dict[str, Any]:

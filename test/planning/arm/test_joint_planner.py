@@ -14,10 +14,11 @@ from geodesic_motion_ros.geometry.shapes import solid_distances, solid_rows
 from geodesic_motion_ros.manifold.metric_field import curve_length
 from geodesic_motion_ros.manifold.obstacle_weights import Reshaping
 from geodesic_motion_ros.obstacles.obstacles import Obstacles
+from geodesic_motion_ros.planning.path_timer import PathTimer
 from geodesic_motion_ros.planning.plan import MotionState, Plan
 from geodesic_motion_ros.planning.planner import ReactivePlanner
 from geodesic_motion_ros.planning.solver import Solver
-from geodesic_motion_ros.planning.status import Verdict, VerdictCode
+from geodesic_motion_ros.planning.status import VerdictCode
 from geodesic_motion_ros.trajectory.trajectory import JointReference
 from geodesic_motion_ros.utils.deadline import Deadline
 
@@ -67,8 +68,10 @@ def test_obstacles_of_every_kind_are_hit_on_the_old_path_and_passed_on_the_new(s
 
 def test_a_refined_path_is_shorter_than_the_graphs(reach_skill, planner, start, goal) -> None:
     planner.take_obstacles(Obstacles.none())
-    choice = planner.prepared_configuration(goal).goal
-    query = planner._queries.build(start, choice)
+    planner.clear_goal()
+    planner.stand_at(start, 0.0)
+    prepared = planner.prepared_configuration(goal)
+    choice, query = prepared.goal, prepared.query
     free = Reshaping.of(query.body, Obstacles.none(), 0.0, 0.5, 0.02)
 
     def length(plan: Plan) -> float:
@@ -100,13 +103,13 @@ def test_a_motion_that_would_be_no_gain_is_not_certified(planner, start, goal) -
 
 def test_a_path_that_is_found_again_is_not_judged_again(stream, nominal, on_elbow, monkeypatch) -> None:
     """An obstacle that comes from afar is felt by the search all along. The control: one that blocks the path."""
-    judged, certified = [], stream.planner._solver._certified
+    judged, timed = [], PathTimer.timed
 
     def recorded(*arguments, **more):
         judged.append(stream.now)
-        return certified(*arguments, **more)
+        return timed(*arguments, **more)
 
-    monkeypatch.setattr(stream.planner._solver, "_certified", recorded)
+    monkeypatch.setattr(PathTimer, "timed", recorded)
     (centre,), radius = on_elbow
     for number in range(80):
         away = np.array([0.0, 0.0, 1.2 - 0.012 * number])
@@ -120,16 +123,13 @@ def test_a_path_that_is_found_again_is_not_judged_again(stream, nominal, on_elbo
 
 def test_out_of_time_the_arm_stays_and_the_next_ticks_go_on_trying(stream, start, goal, monkeypatch) -> None:
     """The first attempt is refused. The control: it is not."""
-    planner, solver = stream.planner, stream.planner._solver
-    certified, judged = solver._certified, []
+    planner, timed, judged = stream.planner, PathTimer.timed, []
 
-    def picky(query, state, *others, **more):
-        judged.append(state.time)
-        if len(judged) == 1:
-            return Plan(None, state.time, Verdict(VerdictCode.NO_FEASIBLE_PATH, "not this"))
-        return certified(query, state, *others, **more)
+    def picky(*arguments, **more):
+        judged.append(timed(*arguments, **more))
+        return replace(judged[0], reference=None, objection="not this") if len(judged) == 1 else judged[-1]
 
-    monkeypatch.setattr(solver, "_certified", picky)
+    monkeypatch.setattr(PathTimer, "timed", picky)
     missed, *later = (planner.tick(number * stream.period, Deadline(-np.inf)) for number in range(4))
     assert missed.verdict.code is VerdictCode.DEADLINE_MISSED
     assert "out of time after 1 of 2 attempts: not this" in missed.verdict.reason

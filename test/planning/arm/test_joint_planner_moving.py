@@ -13,6 +13,7 @@ from geodesic_motion_ros.planning import settings as constants
 from geodesic_motion_ros.planning.mode import Mode
 from geodesic_motion_ros.planning.planner import ReactivePlanner
 from geodesic_motion_ros.planning.situation import Situation
+from geodesic_motion_ros.planning.solver import Solver
 from geodesic_motion_ros.planning.status import Verdict, VerdictCode
 from geodesic_motion_ros.robot.swivel import elbow_position
 from geodesic_motion_ros.utils.deadline import Deadline
@@ -98,9 +99,8 @@ def test_a_goal_that_is_covered_is_waited_for(stream, goal, nominal) -> None:
 
 
 def test_what_has_failed_is_not_tried_again_until_something_changes(stream, goal, nominal, monkeypatch) -> None:
-    planner, searches = stream.planner, []
-    solve = planner._solver.solve
-    monkeypatch.setattr(planner._solver, "solve", lambda *arguments: searches.append(0) or solve(*arguments))
+    planner, searches, solve = stream.planner, [], Solver.solve
+    monkeypatch.setattr(Solver, "solve", lambda *arguments: searches.append(0) or solve(*arguments))
     stream.run(0.3 * nominal.duration)
     hand, _ = planner.robot.forward(goal)
     planner.set_obstacles(hand[None], np.array([0.05]))
@@ -208,6 +208,29 @@ def test_an_arm_that_can_only_evade_narrowly_does(stream, start, goal, nominal, 
     spheres = [((begin + (time + stream.period) * velocity)[None], radius) for time in coming]
     assert min(least_clearance([stood], sphere) for sphere in spheres) < 0.0
     assert min(least_clearance([one], sphere) for one, sphere in zip(evading, spheres, strict=True)) > 0.0
+
+
+def test_an_arm_in_motion_stops_and_goes_back_where_that_evades(stream, nominal, least_clearance) -> None:
+    """It is certified as one motion. The control: where the arm comes to rest it would be hit."""
+    planner, radius = stream.planner, np.array([0.05])
+    begin, velocity = np.array([0.51, 0.525, 0.4]), np.array([0.082, -0.298, 0.026])
+    stream.run(3.13)
+    assert nominal.duration > 3.13
+    planner.set_obstacles(begin[None], radius, velocity[None], stream.now)
+    since = stream.now
+    plan = stream.run(stream.period)[0]
+    assert plan.mode is Mode.EVADING
+    times = np.linspace(0.0, plan.reference.duration, 200)
+    positions, velocities, _ = plan.reference.samples(times)
+    speeds = np.max(np.abs(velocities), axis=1)
+    rest = 10 + int(np.argmin(speeds[10:-10]))
+    assert speeds[0] > 0.1
+    assert speeds[rest] < 0.02
+    assert np.max(speeds[rest:]) > 0.1
+    passing = plan.begin - since + times
+    spheres = [((begin + time * velocity)[None], radius) for time in passing]
+    assert min(least_clearance([one], sphere) for one, sphere in zip(positions, spheres, strict=True)) > 0.0
+    assert min(least_clearance([positions[rest]], sphere) for sphere in spheres[rest:]) < 0.0
 
 
 def stopping_sphere(stream, shown: float) -> float:

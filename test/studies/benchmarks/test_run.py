@@ -14,6 +14,7 @@ from geodesic_motion_ros.studies.benchmarks.report import BenchReport
 from geodesic_motion_ros.studies.benchmarks.run import BenchSettings, measure, measured_alone
 from geodesic_motion_ros.studies.benchmarks.scenes import NAMES
 from geodesic_motion_ros.utils.errors import ParameterError
+from geodesic_motion_ros.utils.tables import write_json
 
 TINY = BenchSettings(
     shape=(8, 8, 8), skill_shape=(24, 24, 24), ticks=6, peer_ticks=2, scaling_ticks=2, grids=((8, 8), (8, 8, 8)),
@@ -31,7 +32,7 @@ def report() -> BenchReport:
 @pytest.fixture(scope="module")
 def content(report: BenchReport, tmp_path_factory: pytest.TempPathFactory) -> dict:
     path = tmp_path_factory.mktemp("bench") / "bench.json"
-    report.write_json(path)
+    write_json(path, report.as_dict())
     return json.loads(path.read_text())
 
 

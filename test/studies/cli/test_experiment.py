@@ -10,9 +10,9 @@ import pytest
 
 from geodesic_motion_ros.demonstrations.readers import read_demonstrations
 from geodesic_motion_ros.simulation.teacher import two_mode_demonstrations
-from geodesic_motion_ros.studies.cli import build_parser, experiment, main
-from geodesic_motion_ros.studies.cli import experiment_measures as measures
-from geodesic_motion_ros.studies.cli.experiment import EXPERIMENTS
+from geodesic_motion_ros.studies.cli import build_parser, main
+from geodesic_motion_ros.studies.experiments.registry import STUDIES
+from geodesic_motion_ros.studies.experiments.study import OfRecordings, options
 
 
 def test_simulated_demonstrations_are_saved_to_train_on(tmp_path, capsys) -> None:
@@ -69,20 +69,24 @@ def test_what_cannot_be_done_is_reported_in_one_line(arguments, reported, tmp_pa
     assert reported in line
 
 
-def test_every_experiment_is_described() -> None:
-    described = {line.split()[0] for line in experiment._DESCRIPTION.splitlines() if line[:1].isalpha()}
-    assert set(EXPERIMENTS) | {"all"} <= described
+@pytest.mark.parametrize("name", STUDIES)
+def test_every_study_is_measured_with_the_options_that_its_help_names(name, capsys) -> None:
+    study = STUDIES[name].load()
+    with pytest.raises(SystemExit):
+        main(["experiment", name, "--help"])
+    described = capsys.readouterr().out
+    assert all(f"--{each.name.replace('_', '-')}" in described for each in options(study))
+    needed = ["--demos", "none.npy", "--units", "m"] if STUDIES[name].of_recordings else []
+    arguments = build_parser().parse_args(["experiment", name, *needed])
+    defaults = study()
+    assert {each.name: getattr(arguments, each.name) for each in options(study)} == {
+        each.name: getattr(defaults, each.name) for each in options(study)
+    }
+    assert issubclass(study, OfRecordings) == STUDIES[name].of_recordings
 
 
-def test_experiments_of_one_shape_have_what_is_looked_up_by_their_names() -> None:
-    of_one_shape = {measures.of_seeds, measures.of_settings, measures.of_data}
-    found = [name for name, entry in EXPERIMENTS.items() if entry.measure in of_one_shape]
-    assert len(found) == 9
-    parser = build_parser()
-    for name in found:
-        arguments = parser.parse_args(["experiment", name])
-        module, called = measures._module(arguments)
-        assert callable(getattr(module, f"measure_{called}"))
-        assert callable(getattr(module, f"draw_{called}"))
-        if EXPERIMENTS[name].measure is not measures.of_seeds:
-            assert measures._settings(arguments).seeds == (0, 1, 2)
+def test_an_option_without_a_study_is_refused(capsys) -> None:
+    with pytest.raises(SystemExit) as left:
+        main(["experiment", "toy-task", "--targets", "3"])
+    assert left.value.code == 2
+    assert "--targets" in capsys.readouterr().err

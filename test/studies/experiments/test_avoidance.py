@@ -11,11 +11,9 @@ from geodesic_motion_ros.geometry.curves import PoseCurve
 from geodesic_motion_ros.geometry.quaternions import continuous_signs
 from geodesic_motion_ros.planning.settings import PlannerSettings
 from geodesic_motion_ros.studies.experiments.avoidance import (
-    AvoidanceSettings,
-    draw_avoidance,
-    measure_avoidance,
+    Avoidance,
+    carried,
     measured_clearance,
-    placed,
 )
 from geodesic_motion_ros.studies.experiments.trained import Trained
 from geodesic_motion_ros.utils.errors import ParameterError
@@ -40,13 +38,13 @@ def trained(fan_skill, reaches) -> Trained:
 
 
 @pytest.fixture(scope="module")
-def settings() -> AvoidanceSettings:
-    return AvoidanceSettings(radii=(0.02, 0.25), scenes_per_query=3)
+def settings() -> Avoidance:
+    return Avoidance(radii=(0.02, 0.25), scenes=3)
 
 
 @pytest.fixture(scope="module")
 def report(trained, settings):
-    return measure_avoidance([trained], settings)
+    return settings.measured([trained])
 
 
 def test_small_spheres_are_passed_and_what_covers_everything_is_declared_infeasible(report) -> None:
@@ -54,8 +52,8 @@ def test_small_spheres_are_passed_and_what_covers_everything_is_declared_infeasi
     large = [scene for scene in report.scenes if scene.radius == 0.25]
     assert len(small) == 6
     assert large
-    assert {scene.freedom("recorded") for scene in small} == {"half free"}
-    assert {scene.freedom("recorded") for scene in large} == {"none free"}
+    assert {scene.freedom for scene in small} == {"half free"}
+    assert {scene.freedom for scene in large} == {"none free"}
     assert sum(scene.answered for scene in small) >= 5
     assert not any(scene.answered for scene in large)
     assert not any(scene.through for scene in report.scenes)
@@ -70,23 +68,23 @@ def test_the_planner_never_promises_more_clearance_than_is_measured(report) -> N
 
 def test_without_avoidance_the_same_scenes_are_run_through(trained, settings) -> None:
     off = replace(settings, radii=(0.02,), planner=replace(settings.planner, avoidance=False))
-    scenes = measure_avoidance([trained], off).scenes
+    scenes = off.measured([trained]).scenes
     assert len(scenes) == 6
     assert all(scene.through for scene in scenes)
 
 
 def test_a_tool_counts_like_a_larger_sphere(trained, report) -> None:
-    with_tool = AvoidanceSettings(radii=(0.01,), tool_radius=0.01, scenes_per_query=3)
-    scenes = measure_avoidance([trained], with_tool).scenes
+    with_tool = Avoidance(radii=(0.01,), tool_radius=0.01, scenes=3)
+    scenes = with_tool.measured([trained]).scenes
     without = [scene for scene in report.scenes if scene.radius == 0.02]
     assert [scene.free_share for scene in scenes] == [scene.free_share for scene in without]
     assert not any(scene.through for scene in scenes)
 
 
 def test_the_same_seed_makes_the_same_scenes(trained, settings, report) -> None:
-    again = measure_avoidance([trained], settings).scenes
+    again = settings.measured([trained]).scenes
     assert [scene.centre for scene in again] == [scene.centre for scene in report.scenes]
-    other = measure_avoidance([trained], replace(settings, seed=1)).scenes
+    other = replace(settings, seed=1).measured([trained]).scenes
     assert other[0].centre != report.scenes[0].centre
 
 
@@ -103,28 +101,26 @@ def test_clearance_is_measured_between_samples_and_at_the_tools_points() -> None
 
 def test_carried_demonstrations_meet_both_ends(reaches) -> None:
     start, goal = reaches[0].curve.start, reaches[6].curve.goal
-    curves = placed(reaches, (start[0] + 0.01, start[1]), goal)
-    for recorded, carried, item in zip(curves["recorded"], curves["carried"], reaches, strict=True):
-        np.testing.assert_array_equal(recorded.positions, item.positions)
-        np.testing.assert_allclose(carried.positions[[0, -1]], [start[0] + 0.01, goal[0]], atol=1e-12)
+    for curve in carried(reaches, (start[0] + 0.01, start[1]), goal):
+        np.testing.assert_allclose(curve.positions[[0, -1]], [start[0] + 0.01, goal[0]], atol=1e-12)
 
 
 def test_what_is_handed_over_is_complete(report, tmp_path) -> None:
     content = json.loads(write_json(tmp_path / "avoidance.json", report.as_dict()).read_text())
     assert len(content["scenes"]) == len(report.scenes)
-    counted = [figures["scenes"] for figures in content["summary"]["recorded"].values()]
+    counted = [figures["scenes"] for figures in content["summary"].values()]
     assert sum(counted) == len(report.scenes)
-    assert content["summary"]["recorded"]["none free"]["infeasible_percent"] == 100.0
+    assert content["summary"]["none free"]["infeasible_percent"] == 100.0
     assert "fan, 20 mm" in report.table()
-    draw_avoidance(report, tmp_path / "avoidance.png")
+    report.draw(tmp_path / "avoidance.png")
     assert (tmp_path / "avoidance.png").read_bytes().startswith(b"\x89PNG")
 
 
 @pytest.mark.parametrize(
     ("wrong", "message"),
     [({"radii": ()}, "at least one"), ({"radii": (0.0,)}, "all positive"), ({"tool_radius": -0.1}, "tool_radius"),
-     ({"scenes_per_query": 0}, "at least 1")],
+     ({"scenes": 0}, "at least 1")],
 )  # fmt: skip
 def test_impossible_settings_are_refused(wrong, message) -> None:
     with pytest.raises(ParameterError, match=message):
-        AvoidanceSettings(**wrong)
+        Avoidance(**wrong)

@@ -15,11 +15,10 @@ from geodesic_motion_ros.studies.experiments import circle
 from geodesic_motion_ros.studies.experiments.circle import (
     SWIVELS,
     TRAINING,
+    Circle,
     CirclePath,
     Circles,
     circle_paths,
-    draw_circle,
-    measure_circle,
     shown_circles,
 )
 from geodesic_motion_ros.studies.experiments.latent_pictures import grid_around
@@ -78,18 +77,18 @@ def test_geodesics_switch_between_rings_that_cross_and_not_where_space_keeps_the
 def test_a_small_run_leaves_table_and_picture(shown, tmp_path, monkeypatch) -> None:
     monkeypatch.setattr(circle, "SIDES", {2: 40, 3: 15})
     settings = replace(TRAINING, hidden=(32, 16), steps=60, batch=64, kernels=60, precision_iterations=10)
-    report = measure_circle((0,), settings, shown, folder=tmp_path)
-    again = measure_circle((0,), settings, shown, folder=tmp_path)
+    study = Circle((0,), training=settings, shown=shown)
+    report, again = study.measure(tmp_path), study.measure(tmp_path)
     assert again.table() == report.table()
-    assert len(list(tmp_path.glob("*.safetensors"))) == 2
+    assert len(list(tmp_path.rglob("*.safetensors"))) == 2
     for row in report.rows:
         assert len(row.paths) + row.apart == len(shown.configurations) * len(circle.BEGINS)
     assert report.table().count("\n") == 3
     assert [row["dimension"] for row in report.as_dict()["rows"]] == [2, 3]
-    draw_circle(report, tmp_path / "circle.png")
+    report.draw(tmp_path / "circle.png")
     assert (tmp_path / "circle.png").read_bytes().startswith(b"\x89PNG")
 
 
 def test_nothing_to_learn_is_refused(shown) -> None:
     with pytest.raises(ParameterError, match="at least one"):
-        measure_circle((), shown=shown)
+        Circle(())

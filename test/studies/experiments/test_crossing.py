@@ -8,8 +8,7 @@ import pytest
 from geodesic_motion_ros.learning.settings import TrainingSettings
 from geodesic_motion_ros.learning.training import train_task_space_skill
 from geodesic_motion_ros.studies.experiments.crossing import (
-    crossing_report,
-    draw_crossings,
+    CrossingClusters,
     judged_summary,
     measure_crossings,
 )
@@ -55,14 +54,14 @@ def test_the_paths_within_are_among_what_the_support_offers(skill, demonstration
 
 
 def test_what_is_handed_over_is_complete(skill, demonstrations, tmp_path):
-    report = crossing_report([Trained("cup", (0,), 0, skill, *demonstrations.split((0,)))])
+    report = CrossingClusters().measured([Trained("cup", (0,), 0, skill, *demonstrations.split((0,)))])
     content = json.loads(write_json(tmp_path / "crossing.json", report.as_dict()).read_text())
     assert len(content["paths"]["cup"]) == 5
     assert content["summary"]["all"] == content["summary"]["cup"]
     assert content["energy_criterion"]["all"]["whole box"]["across_offered"] == 5
     assert "changes of cluster" in report.table()
     assert "cup" in report.table()
-    draw_crossings(report, tmp_path / "crossing.png")
+    report.draw(tmp_path / "crossing.png")
     assert (tmp_path / "crossing.png").read_bytes().startswith(b"\x89PNG")
 
 

@@ -7,15 +7,14 @@ from pathlib import Path
 
 import pytest
 
-from geodesic_motion_ros.skill.skill import Skill
-from geodesic_motion_ros.studies.experiments.detours import DetoursReport, draw_detours, measure_detours
+from geodesic_motion_ros.studies.experiments.detours import Detours, DetoursReport
 from geodesic_motion_ros.utils.errors import ParameterError
 from geodesic_motion_ros.utils.tables import write_json
 
 
 @pytest.fixture(scope="module")
 def report() -> DetoursReport:
-    return measure_detours(Skill.load("panda_pouring"), (0.0, 0.2), 0.04, 0.5, 0.2)
+    return Detours("panda_pouring", (0.0, 0.2), 0.04, 0.5, 0.2).measure(Path())
 
 
 def test_it_stops_without_a_detour_and_passes_with_one(report: DetoursReport) -> None:
@@ -32,7 +31,7 @@ def test_what_is_handed_over_is_complete(report: DetoursReport, tmp_path: Path) 
     content = json.loads(write_json(tmp_path / "figures.json", report.as_dict()).read_text())
     assert [run["reached"] for run in content["runs"]] == [False, True]
     assert len(report.table().splitlines()) == 5
-    draw_detours(report, tmp_path / "detours.png")
+    report.draw(tmp_path / "detours.png")
     assert (tmp_path / "detours.png").read_bytes().startswith(b"\x89PNG")
 
 
@@ -42,4 +41,4 @@ def test_what_is_handed_over_is_complete(report: DetoursReport, tmp_path: Path) 
 )
 def test_what_cannot_be_played_is_refused(detours, radius: float, place: float, appears: float) -> None:
     with pytest.raises(ParameterError):
-        measure_detours(Skill.load("panda_pouring"), detours, radius, place, appears)
+        Detours("panda_pouring", detours, radius, place, appears)

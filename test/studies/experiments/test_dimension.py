@@ -10,12 +10,10 @@ import pytest
 from geodesic_motion_ros.studies.experiments import dimension
 from geodesic_motion_ros.studies.experiments.dimension import (
     TRAINING,
+    Dimension,
     Reaches,
-    draw_dimension,
-    measure_dimension,
     shown_reaches,
 )
-from geodesic_motion_ros.utils.errors import ParameterError
 
 
 @pytest.fixture(scope="module")
@@ -32,7 +30,7 @@ def test_one_demonstration_of_each_family_is_held_out(shown) -> None:
 def test_both_graphs_are_measured_in_every_dimension(shown, tmp_path, monkeypatch) -> None:
     monkeypatch.setattr(dimension, "SIDES", {2: 30, 4: 8})
     settings = replace(TRAINING, hidden=(32, 16), steps=40, batch=64, kernels=40, precision_iterations=10)
-    report = measure_dimension((2, 4), (0,), settings, shown)
+    report = Dimension((0,), (2, 4), settings, shown).measure(tmp_path)
     assert [(row.dimension, row.graph) for row in report.rows] == [
         (2, "grid"), (2, "neighbours"), (4, "grid"), (4, "neighbours"),
     ]  # fmt: skip
@@ -42,10 +40,5 @@ def test_both_graphs_are_measured_in_every_dimension(shown, tmp_path, monkeypatc
         assert (row.nodes > 0) == (row.megabytes > 0.0)
     assert [row.lattice for row in report.rows if row.graph == "grid"] == [900, 4096]
     assert report.table().count("\n") == 5
-    draw_dimension(report, tmp_path / "dimension.png")
+    report.draw(tmp_path / "dimension.png")
     assert (tmp_path / "dimension.png").read_bytes().startswith(b"\x89PNG")
-
-
-def test_a_dimension_without_a_lattice_is_refused(shown) -> None:
-    with pytest.raises(ParameterError, match="from 2 to 5"):
-        measure_dimension((6,), (0,), shown=shown)

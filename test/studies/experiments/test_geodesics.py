@@ -6,14 +6,14 @@ import math
 import numpy as np
 import pytest
 
-from geodesic_motion_ros.studies.experiments.geodesics import GRAPHS, compare_geodesics, draw_geodesics
+from geodesic_motion_ros.studies.experiments.geodesics import GRAPHS, Geodesics
 from geodesic_motion_ros.utils.errors import ParameterError
 from geodesic_motion_ros.utils.tables import write_json
 
 
 @pytest.fixture(scope="module")
 def report(fan_skill):
-    return compare_geodesics(fan_skill, pairs=1)
+    return Geodesics(pairs=1).measured(fan_skill)
 
 
 def length(report, method: str) -> float:
@@ -54,16 +54,16 @@ def test_what_is_handed_over_is_complete(report, tmp_path) -> None:
     assert content["methods"]["straight line"]["off_mm"] > content["methods"]["graph 50x50, 8"]["off_mm"] > 0.0
     assert all(math.isfinite(item["length"]) for item in content["found"])
     assert "graph 50x50, 8" in report.table()
-    draw_geodesics(report, tmp_path / "geodesics.png")
+    report.draw(tmp_path / "geodesics.png")
     assert (tmp_path / "geodesics.png").read_bytes().startswith(b"\x89PNG")
 
 
 def test_no_pairs_are_refused(fan_skill) -> None:
     with pytest.raises(ParameterError, match="at least 1"):
-        compare_geodesics(fan_skill, pairs=0)
+        Geodesics(pairs=0)
 
 
 def test_ends_that_are_the_same_are_one_pair(canonical_fan_skill) -> None:
     """On a canonical sheet all demonstrations begin in one point and end in another."""
-    report = compare_geodesics(canonical_fan_skill, pairs=3)
+    report = Geodesics(pairs=3).measured(canonical_fan_skill)
     assert {row["pairs"] for row in report.summary().values()} == {1}

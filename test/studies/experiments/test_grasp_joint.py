@@ -16,13 +16,12 @@ from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.studies.experiments.arm_players import Families, LiteralArm, OurArm, settings_table
 from geodesic_motion_ros.studies.experiments.grasp_joint import (
     COVERED,
+    GraspJoint,
     GraspJointReport,
-    GraspJointSettings,
     SkillReport,
     all_scenes,
     among_blocking,
     answered,
-    draw_grasp_joint,
     family_energies,
 )
 from geodesic_motion_ros.studies.experiments.grasp_joint_scenes import Stage
@@ -56,7 +55,7 @@ def report(stored, separated_demonstrations, reach_demonstrations, reach_skill) 
         ]
         drawn |= {("ours", kind): planner, ("literal", kind): planner}
         made += [(f"{player.name}, {kind}", player, SMALL) for player in (ours, literal)]
-    return GraspJointReport(GraspJointSettings(4, (0,), 3, COARSE), tuple(skills), settings_table(made), again, drawn)
+    return GraspJointReport(GraspJoint(4, (0,), 3, COARSE), tuple(skills), settings_table(made), again, drawn)
 
 
 def test_ours_never_hits_and_the_paper_s_planner_never_refuses(report) -> None:
@@ -109,14 +108,14 @@ def test_what_is_handed_over_is_complete(report, tmp_path) -> None:
     table = report.table()
     for text in ("canonical", "whole 20x20x20", "support in 30x30x30", "something left", "one family blocked"):
         assert text in table
-    draw_grasp_joint(report, tmp_path / "grasp_joint.png")
+    report.draw(tmp_path / "grasp_joint.png")
     assert (tmp_path / "grasp_joint.png").read_bytes().startswith(b"\x89PNG")
 
 
 def test_settings_that_do_not_fit_are_refused() -> None:
     with pytest.raises(ParameterError, match="at least 2"):
-        GraspJointSettings(shown=1)
+        GraspJoint(shown=1)
     with pytest.raises(ParameterError, match="places"):
-        replace(GraspJointSettings(), places=0)
+        replace(GraspJoint(), places=0)
     with pytest.raises(ParameterError, match="seeds"):
-        GraspJointSettings(seeds=())
+        GraspJoint(seeds=())

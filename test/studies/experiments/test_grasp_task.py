@@ -12,11 +12,10 @@ from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.studies.experiments.crossing import measure_crossings
 from geodesic_motion_ros.studies.experiments.grasp_task import (
     ROWS,
+    GraspTask,
     GraspTaskReport,
-    GraspTaskSettings,
     arm_along,
     ask_targets,
-    draw_grasp_task,
     path_across,
     requested_ends,
     sign_blind_ratios,
@@ -25,7 +24,7 @@ from geodesic_motion_ros.studies.experiments.requested_ends import answers_to
 from geodesic_motion_ros.utils.errors import ParameterError
 from geodesic_motion_ros.utils.tables import write_json
 
-SETTINGS = GraspTaskSettings(targets=3, ends=2, seeds=(0,))
+SETTINGS = GraspTask(targets=3, ends=2, seeds=(0,))
 
 
 @pytest.fixture(scope="module")
@@ -84,11 +83,11 @@ def test_what_is_handed_over_is_complete(report, tmp_path) -> None:
     assert content["ends"]["along"][ROWS[0]]["requested"] == 1
     assert "straight line" in report.table()
     assert "200 mm beyond" in report.table()
-    draw_grasp_task(report, tmp_path / "grasp_task.png")
+    report.draw(tmp_path / "grasp_task.png")
     assert (tmp_path / "grasp_task.png").read_bytes().startswith(b"\x89PNG")
 
 
 @pytest.mark.parametrize("wrong", [{"targets": 0}, {"ends": 0}, {"seeds": ()}, {"seeds": (-1,)}])
 def test_impossible_settings_are_refused(wrong) -> None:
     with pytest.raises(ParameterError):
-        GraspTaskSettings(**wrong)
+        GraspTask(**wrong)

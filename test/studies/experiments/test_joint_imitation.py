@@ -17,6 +17,7 @@ from geodesic_motion_ros.studies.experiments.joint_imitation import (
     within_demonstrations,
 )
 from geodesic_motion_ros.utils.errors import ParameterError
+from geodesic_motion_ros.utils.tables import write_json
 
 HELD_OUT = (3, 7)
 
@@ -62,7 +63,7 @@ def test_the_mean_of_all_rows_is_that_of_their_measurements(report) -> None:
 
 
 def test_the_table_and_the_file_say_the_same(report, tmp_path) -> None:
-    report.write_json(tmp_path / "deep" / "reach.json")
+    write_json(tmp_path / "deep" / "reach.json", report.as_dict())
     content = json.loads((tmp_path / "deep" / "reach.json").read_text())
     assert content["rows"]["geodesic"]["0"]["dtw_mm"] == pytest.approx(report.means("geodesic", 0)["dtw_mm"])
     assert f"{report.means('geodesic', 0)['dtw_mm']:.3f}" in report.table()

@@ -44,9 +44,8 @@ def test_the_arm_receives_the_guidance_with_its_elbow_turned_on() -> None:
 
 
 def test_models_come_by_dimension_and_seed_and_are_measured(shown) -> None:
-    begun: list[str] = []
-    learned = list(models(shown, ROBOT, (2,), (0, 1), SMALL, begun.append))
-    assert begun == ["2-D, seed 0", "2-D, seed 1"]
+    learned = list(models(shown, ROBOT, (2,), (0, 1), SMALL))
+    assert [(chosen.latent_dimension, chosen.seed) for _, chosen in learned] == [(2, 0), (2, 1)]
     for vae, chosen in learned:
         with torch.no_grad():
             codes = vae.encoder(torch.tensor(shown))[0].numpy()

@@ -8,15 +8,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from geodesic_motion_ros.skill.skill import Skill
-from geodesic_motion_ros.studies.experiments.largest_sphere import LargestSpheres, draw_largest, measure_largest
+from geodesic_motion_ros.studies.experiments.largest_sphere import LargestSphere, LargestSpheres
 from geodesic_motion_ros.utils.errors import ParameterError
 from geodesic_motion_ros.utils.tables import write_json
 
 
 @pytest.fixture(scope="module")
 def found() -> LargestSpheres:
-    return measure_largest(Skill.load("panda_bottle2shelf"), 4, (0.1, 0.0))
+    return LargestSphere("panda_bottle2shelf", 4, (0.1, 0.0)).measure(Path())
 
 
 def test_a_longer_detour_passes_more(found: LargestSpheres) -> None:
@@ -37,11 +36,11 @@ def test_what_is_handed_over_is_complete(found: LargestSpheres, tmp_path: Path) 
     lines = found.table().splitlines()
     assert max(map(len, lines)) <= 120
     assert sum(line.startswith("detour ") for line in lines) == 2
-    draw_largest(found, tmp_path / "largest_sphere.png")
+    found.draw(tmp_path / "largest_sphere.png")
     assert (tmp_path / "largest_sphere.png").read_bytes().startswith(b"\x89PNG")
 
 
 @pytest.mark.parametrize(("places", "detours"), [(1, (0.1,)), (5, ()), (5, (0.1, 0.31)), (5, (float("nan"),))])
 def test_what_cannot_be_measured_is_refused(places: int, detours: tuple[float, ...]) -> None:
-    with pytest.raises(ParameterError, match="at least 2 places"):
-        measure_largest(Skill.load("panda_bottle2shelf"), places, detours)
+    with pytest.raises(ParameterError, match=r"at least 2 is needed|from 0 to"):
+        LargestSphere("panda_bottle2shelf", places, detours)

@@ -13,7 +13,7 @@ from geodesic_motion_ros.planning.settings import PlannerSettings
 from geodesic_motion_ros.robot.collision_model import CollisionModel
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.studies.experiments.blocked_arm import hand_alone
-from geodesic_motion_ros.studies.experiments.limbs import LimbsReport, LimbsSettings, compare_limbs, draw_limbs, solved
+from geodesic_motion_ros.studies.experiments.limbs import Limbs, LimbsReport, solved
 from geodesic_motion_ros.utils.errors import ParameterError
 from geodesic_motion_ros.utils.tables import write_json
 
@@ -22,8 +22,8 @@ ROBOT, MODEL = Robot.named("panda"), CollisionModel.named("panda")
 
 @pytest.fixture(scope="module")
 def report(reach_pose_skill, reach_skill) -> LimbsReport:
-    settings = LimbsSettings((15, 15), 20, joint_planner=PlannerSettings(grid_shape=(30, 30, 30)))
-    return compare_limbs(reach_pose_skill, reach_skill, settings)
+    settings = Limbs(side=15, solutions=20, joint_planner=PlannerSettings(grid_shape=(30, 30, 30)))
+    return settings.compared(reach_pose_skill, reach_skill)
 
 
 def test_solutions_are_counted_and_distinguished() -> None:
@@ -77,12 +77,12 @@ def test_what_is_handed_over_is_complete(report, tmp_path) -> None:
     content = json.loads(write_json(tmp_path / "figures.json", report.as_dict()).read_text())
     assert len(content["along"]["found"]) == len(report.path.positions)
     assert "geodesic moved by the sphere mm" in report.table()
-    draw_limbs(report, tmp_path / "limbs.png")
+    report.draw(tmp_path / "limbs.png")
     assert (tmp_path / "limbs.png").read_bytes().startswith(b"\x89PNG")
 
 
 def test_skills_and_settings_that_do_not_fit_are_refused(reach_pose_skill, reach_skill) -> None:
     with pytest.raises(ParameterError, match="knows no families"):
-        compare_limbs(reach_pose_skill, replace(reach_skill, canonical=None), LimbsSettings())
+        Limbs().compared(reach_pose_skill, replace(reach_skill, canonical=None))
     with pytest.raises(ParameterError, match="at least 2"):
-        LimbsSettings(solutions=1)
+        Limbs(solutions=1)

@@ -10,7 +10,7 @@ import pytest
 from geodesic_motion_ros.demonstrations.joint_demonstrations import JointDemonstrations
 from geodesic_motion_ros.skill.skill import Skill
 from geodesic_motion_ros.studies.experiments import literal
-from geodesic_motion_ros.studies.experiments.literal import LITERAL, OURS, compare_literal, draw_literal
+from geodesic_motion_ros.studies.experiments.literal import LITERAL, OURS, Literal
 from geodesic_motion_ros.utils.errors import SkillError
 
 
@@ -30,7 +30,7 @@ def of_shipped_skills(monkeypatch: pytest.MonkeyPatch) -> list[type]:
 def test_both_planners_predict_what_was_held_out(
     reach_demonstrations: JointDemonstrations, of_shipped_skills: list, tmp_path: Path
 ) -> None:
-    report = compare_literal({"reach": reach_demonstrations}, {"reach": [(0,)]}, tmp_path)
+    report = Literal({"reach": reach_demonstrations}, "0").measure(tmp_path)
     rows = {row.planner: row for row in report.rows}
     assert list(rows) == [LITERAL, OURS]
     assert [settings.sheet for settings in of_shipped_skills] == ["raw", "canonical"]
@@ -42,7 +42,7 @@ def test_both_planners_predict_what_was_held_out(
     # Ours meets the ends that it is given; the paper's begins and ends at nodes of its grid.
     assert rows[OURS].ends_mm < 0.1 < rows[LITERAL].ends_mm
     assert report.table().count("\n") == 3
-    draw_literal(report, tmp_path / "literal.png")
+    report.draw(tmp_path / "literal.png")
     assert (tmp_path / "literal.png").stat().st_size > 5_000
 
 
@@ -53,6 +53,6 @@ def test_a_training_that_makes_no_skill_leaves_its_demonstrations_unanswered(
         raise SkillError("no demonstration's start and goal are connected")
 
     monkeypatch.setattr(literal, "trained_once", refused)
-    report = compare_literal({"reach": reach_demonstrations}, {"reach": [(0, 2), (1,)]}, tmp_path)
+    report = Literal({"reach": reach_demonstrations}, "0,2/1").measure(tmp_path)
     assert [row.unanswered for row in report.rows] == [3, 3]
     assert all(np.isnan(row.dtw_mm) for row in report.rows)

@@ -17,27 +17,25 @@ from geodesic_motion_ros.studies.experiments import modes
 from geodesic_motion_ros.studies.experiments.modes import (
     NEAR,
     Answer,
+    Modes,
     ModesReport,
-    ModesSettings,
     cases_of,
-    draw_modes,
-    measure_modes,
     pillar_clearance,
 )
 from geodesic_motion_ros.utils.errors import ParameterError
 from geodesic_motion_ros.utils.tables import write_json
 
-SETTINGS = ModesSettings(shown=3, cases=4, seeds=(2,))
 SMALL = TrainingSettings(
     steps=1000, hidden=(64, 32), samples=80, kernels=100, precision_samples=2, precision_iterations=60
 )
+SETTINGS = Modes(shown=3, cases=4, seeds=(2,), training=SMALL)
 
 
 @pytest.fixture(scope="module")
 def measured(stored_in, tmp_path_factory) -> tuple[ModesReport, Skill]:
     """The report, and the skill that was measured."""
     with stored_in(modes) as taken:
-        report = measure_modes(SETTINGS, tmp_path_factory.mktemp("skills"), SMALL, show_progress=False)
+        report = SETTINGS.measure(tmp_path_factory.mktemp("modes"))
     (skill,) = taken
     return report, skill
 
@@ -112,7 +110,7 @@ def test_what_is_handed_over_is_complete(report, tmp_path) -> None:
     assert content["seeds"]["2"]["modes_found"] is True
     assert content["summary"]["switch_percent"] == 100.0
     assert "follow %" in report.table()
-    draw_modes(report, tmp_path / "modes.png")
+    report.draw(tmp_path / "modes.png")
     assert (tmp_path / "modes.png").read_bytes().startswith(b"\x89PNG")
 
 
@@ -122,4 +120,4 @@ def test_what_is_handed_over_is_complete(report, tmp_path) -> None:
 )
 def test_impossible_settings_are_refused(wrong, message) -> None:
     with pytest.raises(ParameterError, match=message):
-        ModesSettings(**wrong)
+        Modes(**wrong)

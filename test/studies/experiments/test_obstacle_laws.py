@@ -9,7 +9,6 @@ import pytest
 
 from geodesic_motion_ros.planning.settings import PlannerSettings
 from geodesic_motion_ros.skill.skill import Skill
-from geodesic_motion_ros.studies.experiments.obstacle_law_figures import draw_laws
 from geodesic_motion_ros.studies.experiments.obstacle_law_scenes import BETWEEN
 from geodesic_motion_ros.studies.experiments.obstacle_laws import (
     CONTROL,
@@ -17,7 +16,7 @@ from geodesic_motion_ros.studies.experiments.obstacle_laws import (
     Law,
     LawAnswer,
     LawsReport,
-    compare_laws,
+    ObstacleLaws,
 )
 from geodesic_motion_ros.utils.errors import ParameterError
 
@@ -29,7 +28,7 @@ SCENES = 12
 
 @pytest.fixture(scope="module")
 def report(reach_skill: Skill) -> LawsReport:
-    return compare_laws(reach_skill, SCENES, laws=FEW, settings=COARSE)
+    return ObstacleLaws(scenes=SCENES, laws=FEW, planner=COARSE).measured(reach_skill)
 
 
 def test_what_is_hard_answers_with_free_paths_alone(report: LawsReport) -> None:
@@ -62,7 +61,7 @@ def test_the_control_is_the_path_without_obstacles(report: LawsReport) -> None:
 
 def test_table_and_picture(report: LawsReport, tmp_path: Path) -> None:
     assert report.table().count("\n") == 2 + 1 + len(FEW) + 1
-    draw_laws(report, tmp_path / "laws.png")
+    report.draw(tmp_path / "laws.png")
     assert (tmp_path / "laws.png").stat().st_size > 10_000
 
 
@@ -97,6 +96,6 @@ def test_means_are_of_the_scenes_that_always_have_a_path() -> None:
 
 def test_what_cannot_be_compared_is_refused(reach_skill: Skill) -> None:
     with pytest.raises(ParameterError, match="at least 1"):
-        compare_laws(reach_skill, 0)
+        ObstacleLaws(scenes=0)
     with pytest.raises(ParameterError, match="task space"):
-        compare_laws(Skill.load("panda_pouring"), 1)
+        ObstacleLaws("panda_pouring").measure(Path())

@@ -12,15 +12,13 @@ from geodesic_motion_ros.demonstrations.demonstrations import Demonstrations
 from geodesic_motion_ros.planning.planner import ReactivePlanner
 from geodesic_motion_ros.planning.pose_path import PosePathPlanner
 from geodesic_motion_ros.skill.skill import Skill
-from geodesic_motion_ros.studies.experiments.held_bottle import bottle_settings
-from geodesic_motion_ros.studies.experiments.pouring_chain import pour_all_cups
-from geodesic_motion_ros.studies.experiments.pouring_stream import past_a_moving_sphere
+from geodesic_motion_ros.studies.experiments.pouring_motions import past_a_moving_sphere, pour_all_cups
+from geodesic_motion_ros.studies.experiments.pouring_scene import bottle_settings
 from geodesic_motion_ros.studies.experiments.pouring_task import (
+    PouringTask,
     PouringTaskReport,
-    PouringTaskSettings,
     all_pairs,
     blocked_pairs,
-    draw_pouring_task,
 )
 from geodesic_motion_ros.studies.experiments.reshaped_metric import reshape_metric
 from geodesic_motion_ros.utils.errors import ParameterError
@@ -31,7 +29,7 @@ from geodesic_motion_ros.utils.tables import write_json
 def report(pouring_poses: Demonstrations, pouring_pose_skill: Skill) -> PouringTaskReport:
     planner = PosePathPlanner(pouring_pose_skill, bottle_settings())
     return PouringTaskReport(
-        PouringTaskSettings(3, (0,)),
+        PouringTask(3, (0,)),
         tuple(all_pairs(planner, pouring_poses, "raw", 0)),
         tuple(blocked_pairs(planner, PosePathPlanner(pouring_pose_skill), "raw", 0, (0,))),
         (pour_all_cups(planner, 0),),
@@ -63,7 +61,7 @@ def test_what_is_handed_over_is_complete(report: PouringTaskReport, tmp_path) ->
     assert content["moving"]["reached"] is True
     assert content["reshaped"]["random_geodesics"]["pairs"] == 3
     assert "9 of 9" in report.table()
-    draw_pouring_task(report, tmp_path / "pouring_task.png")
+    report.draw(tmp_path / "pouring_task.png")
     for name in ("pouring_task.png", "pouring_task_metric.png"):
         assert (tmp_path / name).read_bytes().startswith(b"\x89PNG")
 
@@ -71,4 +69,4 @@ def test_what_is_handed_over_is_complete(report: PouringTaskReport, tmp_path) ->
 @pytest.mark.parametrize("wrong", [{"shown": 0}, {"seeds": ()}])
 def test_impossible_settings_are_refused(wrong) -> None:
     with pytest.raises(ParameterError):
-        PouringTaskSettings(**wrong)
+        PouringTask(**wrong)

@@ -9,8 +9,7 @@ from geodesic_motion_ros.skill.skill import Skill
 from geodesic_motion_ros.studies.experiments.reshaped_tubes import (
     DISTANCES,
     Cut,
-    draw_reshaped,
-    measure_reshaped,
+    ReshapedTubes,
     riemannian_length,
     tensors,
 )
@@ -57,10 +56,10 @@ def test_a_cut_holds_the_path_that_it_is_made_for() -> None:
 
 
 def test_moments_are_measured_and_drawn(skill: Skill, tmp_path) -> None:
-    report = measure_reshaped(skill, (12, 12, 12))
+    report = ReshapedTubes(shape=(12, 12, 12)).measured(skill)
     lengths = [moment.length for moment in report.moments]
     assert len(lengths) == len(DISTANCES)
     assert lengths[-1] > 1.5 * lengths[0]
     assert report.table().count("\n") == 2 + len(DISTANCES)
-    draw_reshaped(report, tmp_path / "reshaped.png")
+    report.draw(tmp_path / "reshaped.png")
     assert (tmp_path / "reshaped.png").stat().st_size > 20_000

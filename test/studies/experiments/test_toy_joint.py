@@ -10,8 +10,7 @@ import pytest
 from geodesic_motion_ros.studies.experiments import toy_joint
 from geodesic_motion_ros.studies.experiments.toy_joint import (
     TRAINING,
-    draw_toy_joint,
-    measure_toy_joint,
+    ToyJoint,
     planar_arm,
     planar_configurations,
     planar_tool,
@@ -38,17 +37,17 @@ def test_postures_are_clusters_and_a_small_run_leaves_table_and_picture(tmp_path
         TRAINING, hidden=(32, 16), steps=300, batch=64, learning_rate=1e-2, samples=40, kernels=60,
         bandwidth_factor=3.0, precision_samples=1, precision_iterations=20,
     )  # fmt: skip
-    report = measure_toy_joint((0,), settings, toy_configurations(3, 40))
+    report = ToyJoint((0,), settings, toy_configurations(3, 40)).measure(tmp_path)
     ours = report.rows[0]
     assert ours.own_posture > 0.9
     assert min(ours.across, ours.within) > 0.0
     assert ours.crossing.switches % 2 == 1
     assert report.table().count("\n") == 3
     assert len(report.as_dict()["rows"]) == 2
-    draw_toy_joint(report, tmp_path / "toy.png")
+    report.draw(tmp_path / "toy.png")
     assert (tmp_path / "toy.png").read_bytes().startswith(b"\x89PNG")
 
 
 def test_no_seeds_are_refused() -> None:
     with pytest.raises(ParameterError, match="at least one"):
-        measure_toy_joint(())
+        ToyJoint(())

@@ -11,8 +11,7 @@ import pytest
 from geodesic_motion_ros.studies.experiments import toy_task
 from geodesic_motion_ros.studies.experiments.toy_task import (
     TRAINING,
-    draw_toy_task,
-    measure_toy_task,
+    ToyTask,
     toy_demonstrations,
 )
 from geodesic_motion_ros.utils.errors import ParameterError
@@ -26,7 +25,7 @@ def test_a_density_keeps_the_signs_apart_and_the_mixture_does_not(tmp_path, monk
         TRAINING, hidden=(48, 24), steps=350, batch=64, learning_rate=1e-2, kernels=60, precision_samples=2,
         precision_iterations=20,
     )  # fmt: skip
-    report = measure_toy_task((0,), settings, toy_demonstrations(4, 40))
+    report = ToyTask((0,), settings, toy_demonstrations(4, 40)).measure(tmp_path)
     single, literal, mixture = report.rows
     assert single.own_sign > 0.9
     assert min(single.across, single.within) > 0.0
@@ -36,7 +35,7 @@ def test_a_density_keeps_the_signs_apart_and_the_mixture_does_not(tmp_path, monk
     content = json.loads(write_json(tmp_path / "toy.json", report.as_dict()).read_text())
     assert [row["likelihood"] for row in content["rows"]] == ["single", "single", "mixture"]
     assert report.table().count("\n") == 5
-    draw_toy_task(report, tmp_path / "toy.png")
+    report.draw(tmp_path / "toy.png")
     assert (tmp_path / "toy.png").read_bytes().startswith(b"\x89PNG")
 
 
@@ -52,4 +51,4 @@ def test_letters_are_drawn_on_plane_and_sphere_and_measured_between_samples() ->
 
 def test_no_seeds_are_refused() -> None:
     with pytest.raises(ParameterError, match="at least one"):
-        measure_toy_task(())
+        ToyTask(())

@@ -20,7 +20,7 @@ from geodesic_motion_ros.robot.body_points import (
     tool_orientation_jacobians,
 )
 from geodesic_motion_ros.robot.kinematics import Robot
-from geodesic_motion_ros.studies.experiments.volume import compare_volume, draw_volume, log_volumes
+from geodesic_motion_ros.studies.experiments.volume import Volume, log_volumes
 from geodesic_motion_ros.utils.errors import ParameterError
 
 #: Two latent dimensions: a graph of 100 x 100 nodes stands at once.
@@ -50,20 +50,20 @@ def test_the_volume_of_a_posture_is_that_of_the_learning(metric: JointMetricSett
 
 def test_a_strong_term_makes_the_body_move_less(reach_demonstrations: JointDemonstrations, tmp_path: Path) -> None:
     """So strong that hardly anything is learned of the demonstrations besides."""
-    report = compare_volume(reach_demonstrations, (0.0, 3e4), tmp_path, SMALL)
+    report = Volume(weights=(0.0, 3e4), shown=reach_demonstrations, training=SMALL).measure(tmp_path)
     without, strong = report.rows
     assert np.mean(strong.volumes) < np.mean(without.volumes) - 0.1
     assert strong.error_mm > 5.0 * without.error_mm
     assert report.table().count("\n") == 3
-    draw_volume(report, tmp_path / "volume.png")
+    report.draw(tmp_path / "volume.png")
     assert (tmp_path / "volume.png").stat().st_size > 10_000
-    (again,) = compare_volume(reach_demonstrations, (0.0,), tmp_path, SMALL).rows
+    (again,) = Volume(weights=(0.0,), shown=reach_demonstrations, training=SMALL).measure(tmp_path).rows
     assert again.seconds is None
     np.testing.assert_array_equal(again.volumes, without.volumes)
 
 
-def test_what_cannot_be_compared_is_refused(reach_demonstrations: JointDemonstrations, tmp_path: Path) -> None:
+def test_what_cannot_be_compared_is_refused() -> None:
     with pytest.raises(ParameterError, match="no volume weights"):
-        compare_volume(reach_demonstrations, (), tmp_path, SMALL)
+        Volume(weights=())
     with pytest.raises(ParameterError, match="raw sheet"):
-        compare_volume(reach_demonstrations, (0.0,), tmp_path, replace(SMALL, sheet="canonical"))
+        Volume(training=replace(SMALL, sheet="canonical"))

@@ -20,10 +20,8 @@ from geodesic_motion_ros.studies.experiments.moving_arm import MovingArmRun, Mov
 from geodesic_motion_ros.studies.experiments.moving_spheres import DISTANCE_AT_REST, MovingSphere, draw_spheres
 from geodesic_motion_ros.studies.experiments.tubes import tube_path
 from geodesic_motion_ros.studies.experiments.whole_arm import (
+    WholeArm,
     WholeArmReport,
-    WholeArmSettings,
-    draw_whole_arm,
-    measure_whole_arm,
     switch_strip,
 )
 from geodesic_motion_ros.utils.errors import ParameterError
@@ -44,7 +42,7 @@ def stage(reach_skill: Skill) -> MovingArmStage:
 
 @pytest.fixture(scope="module")
 def report(paths: BlockedPaths, stage: MovingArmStage) -> WholeArmReport:
-    settings = WholeArmSettings(blocked_scenes=2, moving_scenes=1, planner=COARSE)
+    settings = WholeArm(scenes=2, moving_scenes=1, planner=COARSE)
     blocked = {kind: [paths.scene(kind, number, 0) for number in range(2)] for kind in KINDS}
     tubes = [tube_path(stage.planner, number, 0) for number in range(4)]
     return WholeArmReport(settings, tubes, blocked, [stage.scene(0)])
@@ -137,7 +135,7 @@ def test_what_is_handed_over_is_complete(report, tmp_path) -> None:
     assert content["elbow"]["summary"]["hand_only_hits"] == 2
     assert content["moving"]["summary"]["contacts_moving"] == 0
     assert "hand alone hits" in report.table()
-    draw_whole_arm(replace(report, blocked={"all paths": report.blocked["all paths"]}), tmp_path)
+    replace(report, blocked={"all paths": report.blocked["all paths"]}).draw(tmp_path / "whole_arm.png")
     assert (tmp_path / "whole_arm.png").read_bytes().startswith(b"\x89PNG")
 
 
@@ -151,14 +149,14 @@ def test_the_picture_shows_the_sphere_in_its_lower_row_alone(report) -> None:
 
 @pytest.mark.parametrize(
     ("wrong", "reason"),
-    [({"parts": ("all",)}, "choose from tubes"), ({"parts": ()}, "choose from"), ({"seed": -1}, "negative"),
-     ({"blocked_scenes": 0}, "at least 1")],
+    [({"parts": ("all",)}, "choose from tubes"), ({"parts": ()}, "choose from"), ({"seed": -1}, "at least 0"),
+     ({"scenes": 0}, "at least 1")],
 )  # fmt: skip
 def test_impossible_settings_are_refused(wrong, reason) -> None:
     with pytest.raises(ParameterError, match=reason):
-        WholeArmSettings(**wrong)
+        WholeArm(**wrong)
 
 
 def test_skills_of_task_space_are_refused(reach_skill) -> None:
     with pytest.raises(ParameterError, match="task space"):
-        measure_whole_arm(replace(reach_skill, space="task"))
+        WholeArm().measured(replace(reach_skill, space="task"))

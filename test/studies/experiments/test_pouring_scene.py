@@ -1,4 +1,4 @@
-"""The bottle in the hand: spheres hold it, its distance from an obstacle is exact, and its mouth is where it ends."""
+"""Stands, cups and bottles of the pouring experiments: the tool over them, and a bottle held by its spheres."""
 
 from __future__ import annotations
 
@@ -7,17 +7,42 @@ import pytest
 
 from geodesic_motion_ros.geometry.quaternions import to_rotation
 from geodesic_motion_ros.manifold.tool_points import tool_points
+from geodesic_motion_ros.simulation.joint_teacher import CUP_PLACES
 from geodesic_motion_ros.simulation.tabletop import fixed_to
-from geodesic_motion_ros.simulation.teacher import bottle_in_hand
-from geodesic_motion_ros.studies.experiments.held_bottle import (
+from geodesic_motion_ros.simulation.teacher import CUP_REGION, bottle_in_hand
+from geodesic_motion_ros.studies.experiments.pouring_scene import (
     DEPTH,
+    PLACES,
     SIDES,
     SPHERE_RADIUS,
+    at_cup,
     bottle_distance,
     bottle_mouth,
     bottle_settings,
+    pouring_strip,
     sphere_beside,
+    standing_there,
 )
+
+
+def test_cups_stand_there_once_and_one_bottle_is_in_the_hand() -> None:
+    assert len(standing_there(0)) == 1 + 3 * 2
+    assert len(set(standing_there(1))) == len(standing_there(1))
+    assert standing_there(0)[0] != standing_there(1)[0]
+
+
+@pytest.mark.parametrize("cup", PLACES)
+def test_the_bottle_is_poured_over_the_cups_axis(cup: int) -> None:
+    mouth = bottle_mouth(*at_cup(cup))
+    np.testing.assert_allclose(mouth[:2], CUP_REGION.at(np.array(CUP_PLACES[cup])), atol=1e-9)
+
+
+def test_a_strip_shows_postures_that_differ() -> None:
+    ready = np.array([0.0, -0.5, 0.0, -2.0, 0.0, 1.6, 0.8])
+    turned = ready + np.array([0.5, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0])
+    strip = pouring_strip(np.stack([ready, turned]), 0, width=80, height=54, postures=2)
+    assert strip.shape == (54, 160, 3)
+    assert np.abs(strip[:, :80].astype(int) - strip[:, 80:].astype(int)).max() > 50
 
 
 def test_the_spheres_hold_the_bottle_and_its_distance_is_exact() -> None:

@@ -1,0 +1,364 @@
+"""Bags of ROS 2 (sqlite3, mcap) and of ROS 1 -> takes. Knows no ROS: bags are read by the library `rosbags`.
+
+Messages are decoded by the definitions that the library brings, never by those in a bag: what a bag declares is not
+turned into code.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from geodesic_motion_ros.demonstrations.takes import POSE, Action, Flaw, Take
+from geodesic_motion_ros.geometry.curves import interpolate
+from geodesic_motion_ros.geometry.quaternions import continuous_signs, multiply, normalise, to_rotation
+from geodesic_motion_ros.utils.checked_files import brief
+from geodesic_motion_ros.utils.errors import DemonstrationError
+
+#: Of files; a folder with files of these kinds, or with metadata.yaml, is a bag of ROS 2.
+SUFFIXES = (".db3", ".mcap", ".bag")
+JOINTS, POSES = "sensor_msgs/msg/JointState", "geometry_msgs/msg/PoseStamped"
+#: The old name is that of ROS 1; the messages have the same fields.
+TRANSFORMS = ("tf2_msgs/msg/TFMessage", "tf/msg/tfMessage")
+EMPTY, BOOL, STRING = "std_msgs/msg/Empty", "std_msgs/msg/Bool", "std_msgs/msg/String"
+STATIC = "/tf_static"
+#: Of one topic: half an hour at 1 kHz.
+MOST_MESSAGES = 2_000_000
+#: Stamps of a header are used where at least this share of them rises; clocks that are not set give zeros.
+RISING_SHARE = 0.5
+#: Frames from the base to the tool.
+LONGEST_CHAIN = 100
+
+
+@dataclass(frozen=True)
+class Topic:
+    """A topic in a bag: its name, the type of its messages as ROS 2 writes it, and how many there are."""
+
+    name: str
+    kind: str
+    count: int
+
+    def __str__(self) -> str:
+        return f"{self.name} ({self.kind.replace('/msg/', '/')}, {self.count})"
+
+
+@dataclass(frozen=True)
+class Source:
+    """What --topic says: a topic, and for transforms the frames of the base and of the tool."""
+
+    topic: str
+    base: str = ""
+    tool: str = ""
+
+    @classmethod
+    def parse(cls, text: str) -> Source:
+        """Out of `/joint_states`, or `/tf:BASE:TOOL`; DemonstrationError for other forms."""
+        parts = text.split(":")
+        if len(parts) not in (1, 3) or not all(parts):
+            raise DemonstrationError(
+                f"topic {brief(text)}: give a topic, as /joint_states, or for transforms /tf:BASE_FRAME:TOOL_FRAME"
+            )
+        return cls(*parts)
+
+
+@dataclass(frozen=True)
+class BagTake:
+    """A take out of a bag, what was found while reading it, and what marks demonstrations in it.
+
+    markers : times [s] as in the take, and the values: None of Empty, True or False of Bool, the text of String.
+    """
+
+    take: Take
+    flaws: tuple[Flaw, ...]
+    markers: tuple[tuple[float, bool | str | None], ...] = ()
+
+
+@dataclass(frozen=True)
+class _Message:
+    """received : [ns] of the recorder's clock."""
+
+    received: int
+    content: Any
+
+
+def is_bag(path: Path) -> bool:
+    """Whether a path looks like a bag: a file by its ending, or a folder of ROS 2."""
+    if path.is_dir():
+        return (path / "metadata.yaml").is_file() or bool(_storage_files(path))
+    return path.suffix.lower() in SUFFIXES
+
+
+def topics(path: Path) -> tuple[Topic, ...]:
+    """The topics of a bag, by name. DemonstrationError: it cannot be read."""
+    with _opened(path) as bag:
+        return bag.topics
+
+
+def chosen_source(path: Path, requested: str | None) -> tuple[Source, Topic]:
+    """The topic that is requested, or the only one of joint states or poses in the bag.
+
+    Raises
+    ------
+    DemonstrationError : lists the topics of the bag where the requested one is absent or of another type, or where
+        several could be meant.
+    """
+    there = topics(path)
+    listed = ", ".join(map(str, there)) or "none"
+    if requested is None:
+        usable = [topic for topic in there if topic.kind in (JOINTS, POSES) and topic.count]
+        if len(usable) != 1:
+            several = "several topics" if usable else "no topic"
+            raise DemonstrationError(
+                f"{path}: {several} of joint states or poses; say which with --topic (transforms: /tf:BASE:TOOL). "
+                f"The bag has {listed}"
+            )
+        return Source(usable[0].name), usable[0]
+    source = Source.parse(requested)
+    (found,) = [topic for topic in there if topic.name == source.topic] or (None,)
+    if found is None or found.count == 0:
+        absent = "has no topic" if found is None else "has no message on"
+        raise DemonstrationError(f"{path}: {absent} {source.topic}. The bag has {listed}")
+    kinds = TRANSFORMS if source.base else (JOINTS, POSES)
+    if found.kind not in kinds:
+        if found.kind in TRANSFORMS:
+            raise DemonstrationError(f"{path}: {source.topic} has transforms; say of which frames: --topic "
+                                     f"{source.topic}:BASE_FRAME:TOOL_FRAME")
+        raise DemonstrationError(
+            f"{path}: {source.topic} has messages of type {found.kind}; needed is "
+            f"{' or '.join(kind.replace('/msg/', '/') for kind in kinds)}. The bag has {listed}"
+        )
+    return source, found
+
+
+def read_take(path: Path, source: Source, joint_names: Sequence[str] = (), marker: str = "") -> BagTake:
+    """Read one topic of a bag.
+
+    Parameters
+    ----------
+    source : as `chosen_source` found it.
+    joint_names : those that are wanted of joint states, in their order; messages without one of them are passed over.
+    marker : a topic of std_msgs/Empty, Bool or String that marks demonstrations; "": none.
+
+    Returns
+    -------
+    The take, its times from its first message on: of the headers' stamps, or of the recorder's clock where these are
+    not set.
+
+    Raises
+    ------
+    DemonstrationError : names what is missing, and what is there.
+    """
+    with _opened(path) as bag:
+        kind = bag.kind(source.topic)
+        messages = bag.messages(source.topic)
+        if kind == JOINTS:
+            received, stamps, values = _joints(messages, tuple(joint_names), path)
+            names = tuple(joint_names)
+        elif kind == POSES:
+            received, stamps, values = _poses(messages)
+            names = POSE
+        else:
+            static = bag.messages(STATIC) if bag.has(STATIC) and source.topic != STATIC else []
+            received, stamps, values = _transforms([*static, *messages], source, path)
+            names = POSE
+        marks = bag.messages(marker) if marker else []
+    seconds, flaws = _seconds(received, stamps, path.stem)
+    if kind != JOINTS and len(values):
+        values = np.hstack([values[:, :3], continuous_signs(values[:, 3:])])
+    at = np.interp([mark.received for mark in marks], received, seconds) if marks else []
+    markers = tuple((float(time), getattr(mark.content, "data", None)) for time, mark in zip(at, marks, strict=True))
+    return BagTake(Take(path.stem, seconds, values, names), flaws, markers)
+
+
+#: When they were received (T,) and stamped (T,) [ns], and their values (T, C).
+Samples = tuple[np.ndarray, np.ndarray, np.ndarray]
+
+
+def _joints(messages: list[_Message], names: tuple[str, ...], path: Path) -> Samples:
+    """Positions [rad] of the named joints, whatever their order in each message and whatever else it has."""
+    rows, seen = [], dict[str, None]()
+    for message in messages:
+        order = {name: place for place, name in enumerate(message.content.name)}
+        seen |= dict.fromkeys(order)
+        positions = message.content.position
+        if all(order.get(name, len(positions)) < len(positions) for name in names):
+            place = [order[name] for name in names]
+            rows.append((message.received, _stamp(message.content.header), positions[place]))
+    if not rows:
+        missing = [name for name in names if name not in seen]
+        lacking = f"no message has {', '.join(missing)}" if missing else "no message has positions of all its joints"
+        raise DemonstrationError(f"{path}: {lacking}; the joints there are {brief(', '.join(seen), 300)}")
+    return _stacked(rows)
+
+
+def _poses(messages: list[_Message]) -> Samples:
+    rows = []
+    for message in messages:
+        pose = message.content.pose
+        rows.append((message.received, _stamp(message.content.header), _pose(pose.position, pose.orientation)))
+    return _stacked(rows)
+
+
+def _transforms(messages: list[_Message], source: Source, path: Path) -> Samples:
+    """Poses of the tool's frame in the base's, through all frames between, whenever the last moving one was published.
+
+    The others are interpolated to those times, and held before their first and after their last.
+    """
+    edges: dict[str, tuple[str, list]] = {}
+    for message in messages:
+        for transform in message.content.transforms:
+            moved = transform.transform
+            parent, rows = edges.setdefault(_frame(transform.child_frame_id), (_frame(transform.header.frame_id), []))
+            pose = _pose(moved.translation, moved.rotation)
+            rows.append((message.received, _stamp(transform.header), pose))
+    chain, frame = [], _frame(source.tool)
+    while frame != _frame(source.base):
+        if frame not in edges or len(chain) == LONGEST_CHAIN:
+            frames = sorted({*edges, *(parent for parent, _ in edges.values())})
+            raise DemonstrationError(
+                f"{path}: no transforms lead from {brief(source.base)} to {brief(source.tool)}, none has the child "
+                f"{brief(frame)}; the frames there are {brief(', '.join(frames), 300)}"
+            )
+        parent, rows = edges[frame]
+        chain.append(_stacked(rows))
+        frame = parent
+    if not chain:
+        raise DemonstrationError(f"{path}: {source.topic}: the frames of base and tool are both {brief(source.base)}")
+    moving = [edge for edge in chain if len(edge[0]) > 1]
+    clock = 1 if all(np.all(edge[1] > 0) for edge in moving) else 0
+    received, stamps, _ = moving[0] if moving else chain[0]
+    at = (received, stamps)[clock].astype(float)
+    position, rotation = np.zeros((len(at), 3)), np.tile([1.0, 0.0, 0.0, 0.0], (len(at), 1))
+    for edge in chain:
+        there, turn = _at(edge[clock].astype(float), edge[2], at)
+        position = there + to_rotation(turn).apply(position)
+        rotation = multiply(turn, rotation)
+    return received, stamps, np.hstack([position, rotation])
+
+
+def _at(times: np.ndarray, poses: np.ndarray, at: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Positions and unit quaternions of poses (T, 7) at other times (n,); held outside of theirs."""
+    times, first = np.unique(times, return_index=True)
+    quaternions = continuous_signs(normalise(poses[first, 3:]))
+    if len(times) == 1:
+        return np.tile(poses[first, :3], (len(at), 1)), np.tile(quaternions, (len(at), 1))
+    return interpolate(times, poses[first, :3], quaternions, np.clip(at, times[0], times[-1]))
+
+
+def _seconds(received: np.ndarray, stamps: np.ndarray, name: str) -> tuple[np.ndarray, tuple[Flaw, ...]]:
+    """Times (T,) [s] from the first on: those of the headers, or of the recorder where headers have none that rise."""
+    if len(stamps) > 1 and (np.any(stamps <= 0) or np.mean(np.diff(stamps) > 0) < RISING_SHARE):
+        unset = "without stamps" if np.any(stamps <= 0) else "with stamps that do not rise"
+        flaw = Flaw(name, 0.0, f"has headers {unset}", Action.REPAIRED, "the times of the recorder are used")
+        return (received - received[0]) / 1e9, (flaw,)
+    return (stamps - stamps[0]) / 1e9, ()
+
+
+def _stamp(header: Any) -> int:
+    """[ns]"""
+    return header.stamp.sec * 1_000_000_000 + header.stamp.nanosec
+
+
+def _pose(position: Any, rotation: Any) -> np.ndarray:
+    return np.array([position.x, position.y, position.z, rotation.w, rotation.x, rotation.y, rotation.z])
+
+
+def _frame(name: str) -> str:
+    """ROS 1 wrote frames with a slash before them."""
+    return name.removeprefix("/")
+
+
+def _stacked(rows: list[tuple[int, int, np.ndarray]]) -> Samples:
+    received, stamps, values = zip(*rows, strict=True)
+    return np.array(received), np.array(stamps), np.array(values, dtype=float)
+
+
+class _Bag:
+    """The readers of one bag, and how its messages are decoded."""
+
+    def __init__(self, readers: Sequence[Any], decode: Callable[[bytes, str], Any]) -> None:
+        self._readers, self._decode = readers, decode
+        found: dict[str, Topic] = {}
+        for reader in readers:
+            for connection in reader.connections:
+                before = found.get(connection.topic, Topic(connection.topic, connection.msgtype, 0))
+                count = before.count + connection.msgcount
+                found[connection.topic] = Topic(before.name, before.kind, count)
+        self._topics: Mapping[str, Topic] = found
+
+    @property
+    def topics(self) -> tuple[Topic, ...]:
+        return tuple(self._topics[name] for name in sorted(self._topics))
+
+    def has(self, topic: str) -> bool:
+        return topic in self._topics
+
+    def kind(self, topic: str) -> str:
+        return self._topics[topic].kind
+
+    def messages(self, topic: str) -> list[_Message]:
+        """All of a topic, as they were received."""
+        if not self.has(topic) or self._topics[topic].count > MOST_MESSAGES:
+            raise DemonstrationError(
+                f"has no topic {topic}; it has {', '.join(map(str, self.topics))}" if not self.has(topic)
+                else f"{topic} has {self._topics[topic].count} messages; at most {MOST_MESSAGES} are read"
+            )
+        kind = self.kind(topic)
+        read = []
+        for reader in self._readers:
+            own = [each for each in reader.connections if each.topic == topic and each.msgtype == kind]
+            if own:
+                read += [_Message(time, self._decode(data, kind)) for _, time, data in reader.messages(own)]
+        return sorted(read, key=lambda message: message.received)
+
+
+@contextmanager
+def _opened(path: Path) -> Iterator[_Bag]:
+    """Open a bag. Whatever its readers raise on rubbish becomes a DemonstrationError of one line."""
+    # loaded here, for most commands and `--help` do without
+    from rosbags import rosbag1, rosbag2
+    from rosbags.typesys import Stores, get_typestore
+
+    if not path.exists():
+        raise DemonstrationError(f"{path}: cannot be read (No such file or directory)")
+    if not is_bag(path) or not (path.is_dir() or path.is_file()):
+        raise DemonstrationError(f"{path}: is no bag: a folder of ROS 2, or a file that ends in {', '.join(SUFFIXES)}")
+    try:
+        with ExitStack() as stack:
+            if path.suffix.lower() == ".bag":
+                store = get_typestore(Stores.ROS1_NOETIC)
+                store.register(_old_transforms(store))
+                readers, decode = [stack.enter_context(rosbag1.Reader(path))], store.deserialize_ros1
+            else:
+                whole = not path.is_dir() or (path / "metadata.yaml").exists()
+                # A recorder that was killed leaves no metadata: its files are read one by one.
+                parts = [path] if whole else _storage_files(path)
+                readers = [stack.enter_context(rosbag2.Reader(part)) for part in parts]
+                decode = get_typestore(Stores.ROS2_JAZZY).deserialize_cdr
+            yield _Bag(readers, decode)
+    except DemonstrationError as error:
+        raise error if str(error).startswith(str(path)) else DemonstrationError(f"{path}: {error}") from error
+    except Exception as error:
+        why = brief(" ".join(str(error).split()), 160) if str(error) else type(error).__name__
+        raise DemonstrationError(f"{path}: is no readable bag, damaged or cut short ({why})") from error
+
+
+def _storage_files(folder: Path) -> list[Path]:
+    return sorted(file for file in folder.iterdir() if file.suffix.lower() in (".db3", ".mcap") and file.is_file())
+
+
+def _old_transforms(store: Any) -> Mapping[str, Any]:
+    """Definitions of the messages of transforms that ROS 1 has beside the library's."""
+    from rosbags.typesys import get_types_from_msg
+
+    return {
+        name: definition
+        for kind in TRANSFORMS
+        for name, definition in get_types_from_msg("geometry_msgs/TransformStamped[] transforms", kind).items()
+        if name not in store.fielddefs
+    }

@@ -1,0 +1,145 @@
+"""Recordings of every kind -> demonstrations to learn from, with everything that was found in them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from geodesic_motion_ros.demonstrations import bags
+from geodesic_motion_ros.demonstrations.demonstrations import Demonstrations
+from geodesic_motion_ros.demonstrations.flaws import find_strangers, repair_demonstration, repair_samples
+from geodesic_motion_ros.demonstrations.joint_demonstrations import JointDemonstrations
+from geodesic_motion_ros.demonstrations.readers import demonstrations_of, joint_demonstrations_of
+from geodesic_motion_ros.demonstrations.splitting import Split, split
+from geodesic_motion_ros.demonstrations.takes import Action, Flaw, Take
+from geodesic_motion_ros.utils.errors import DemonstrationError
+
+#: With a larger share of demonstrations left out, the recording is another one than it was taken for.
+LARGEST_SHARE_LEFT_OUT = 0.5
+
+
+@dataclass(frozen=True, eq=False)
+class Recording:
+    """What a person recorded.
+
+    Attributes
+    ----------
+    takes : as they were recorded.
+    motions : the demonstrations in them, samples repaired, also those that are left out.
+    flaws : all that was found, in the order of time within each take.
+    robot : whose joints were recorded; "": poses of a tool were.
+    """
+
+    takes: tuple[Take, ...]
+    motions: tuple[Take, ...]
+    flaws: tuple[Flaw, ...]
+    robot: str
+
+    @classmethod
+    def of_files(cls, takes: Sequence[Take], robot: str = "") -> Recording:
+        """Takes that are one demonstration each. DemonstrationError: a value that cannot be used."""
+        repaired = [repair_samples(take) for take in takes]
+        flaws = [flaw for _, found in repaired for flaw in found]
+        return cls._of(takes, [take for take, _ in repaired], flaws, robot)
+
+    @classmethod
+    def of_bags(cls, paths: Sequence[Path], topic: str | None, how: Split, robot: str) -> Recording:
+        """Bags with one or more demonstrations each; robot : whose joints are read where the topic has joints.
+
+        Raises
+        ------
+        DemonstrationError : a bag cannot be read, lacks the topic, or nothing moves in it; topics of both kinds.
+        """
+        reads = []
+        for path in paths:
+            source, found = bags.chosen_source(path, topic)
+            names = _joint_names(robot) if found.kind == bags.JOINTS else ()
+            reads.append(bags.read_take(path, source, names, how.marker))
+        takes = [read.take for read in reads]
+        if len({take.of_joints for take in takes}) > 1:
+            raise DemonstrationError("some of the bags have joints and some have poses: name one topic with --topic")
+        names = [take.name for take in takes]
+        if len(set(names)) < len(names):
+            raise DemonstrationError("two bags have the same name; demonstrations are called by it: rename one")
+        return cls.of_long_takes(reads, how, robot if takes[0].of_joints else "")
+
+    @classmethod
+    def of_long_takes(cls, reads: Sequence[bags.BagTake], how: Split, robot: str = "") -> Recording:
+        """Takes with one or more demonstrations each. DemonstrationError: nothing moves in one."""
+        motions: list[Take] = []
+        flaws: list[Flaw] = []
+        for read in reads:
+            take, repaired = repair_samples(read.take)
+            flaws += [*read.flaws, *repaired]
+            if not any(flaw.action is Action.REFUSED for flaw in repaired):
+                parts, between = split(take, how, read.markers)
+                motions += parts
+                flaws += between
+        return cls._of([read.take for read in reads], motions, flaws, robot)
+
+    @classmethod
+    def _of(cls, takes: Sequence[Take], motions: Sequence[Take], flaws: list[Flaw], robot: str) -> Recording:
+        repaired = [repair_demonstration(motion) for motion in motions]
+        flaws = [*flaws, *(flaw for _, found in repaired for flaw in found)]
+        found = cls(tuple(takes), tuple(motion for motion, _ in repaired), tuple(flaws), robot)
+        if found.refused or not found._kept():
+            return found
+        return cls(found.takes, found.motions, (*flaws, *found._strangers()), robot)
+
+    @property
+    def refused(self) -> tuple[Flaw, ...]:
+        """The flaws for which nothing is learned from the recording as a whole."""
+        return tuple(flaw for flaw in self.flaws if flaw.action is Action.REFUSED)
+
+    @property
+    def left_out(self) -> frozenset[str]:
+        """Names of the motions that are not learned from."""
+        return frozenset(flaw.demonstration for flaw in self.flaws if flaw.action is Action.LEFT_OUT)
+
+    def checked(self, strict: bool = False) -> Demonstrations | JointDemonstrations:
+        """The demonstrations to learn from.
+
+        strict : refuse every flaw.
+
+        Raises
+        ------
+        DemonstrationError : names the first flaw for which the recording is refused, or all that leave too little.
+        """
+        wrong = [flaw for flaw in self.flaws if flaw.action is not Action.PASSED_OVER] if strict else self.refused
+        if wrong:
+            more = f" (and {len(wrong) - 1} more: `inspect` lists them)" if len(wrong) > 1 else ""
+            rule = "; --strict refuses it" if strict and wrong[0].action is not Action.REFUSED else ""
+            raise DemonstrationError(f"demonstration {wrong[0]}{rule}{more}")
+        kept = self._kept()
+        left = [flaw for flaw in self.flaws if flaw.action is Action.LEFT_OUT and flaw.demonstration in self._names]
+        if len(kept) < (1.0 - LARGEST_SHARE_LEFT_OUT) * len(self.motions) or not kept:
+            listed = "; ".join(map(str, left[:5])) + (f"; and {len(left) - 5} more" if len(left) > 5 else "")
+            raise DemonstrationError(f"{len(kept)} of {len(self.motions)} demonstrations remain: {listed}")
+        return self._demonstrations(kept)
+
+    @property
+    def _names(self) -> set[str]:
+        return {motion.name for motion in self.motions}
+
+    def _kept(self) -> list[Take]:
+        return [motion for motion in self.motions if motion.name not in self.left_out]
+
+    def _demonstrations(self, motions: Sequence[Take]) -> Demonstrations | JointDemonstrations:
+        return joint_demonstrations_of(motions, self.robot) if self.robot else demonstrations_of(motions)
+
+    def _strangers(self) -> list[Flaw]:
+        demonstrations = self._demonstrations(self._kept())
+        if isinstance(demonstrations, Demonstrations):
+            return find_strangers(demonstrations)
+        from geodesic_motion_ros.robot.kinematics import Robot
+
+        tool = demonstrations.tool_demonstrations(Robot.named(self.robot))
+        return find_strangers(tool, [item.configurations[[0, -1]] for item in demonstrations])
+
+
+def _joint_names(robot: str) -> tuple[str, ...]:
+    # compiled kernels, which recordings of poses do without
+    from geodesic_motion_ros.robot.kinematics import Robot
+
+    return Robot.named(robot).joint_names

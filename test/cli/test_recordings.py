@@ -1,0 +1,147 @@
+"""Recordings on the command line: `inspect` shows them before the training, `train --bag` learns from them."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from geodesic_motion_ros.learning import training
+from geodesic_motion_ros.skill.skill import Skill
+from geodesic_motion_ros.studies.cli import main
+
+DOWN = (0.0, 1.0, 0.0, 0.0)
+
+
+def poses(count: int = 4, spoiled: bool = False) -> list[np.ndarray]:
+    """Places (T, 3) [m] of a tool in one go at 50 Hz: motions of 54 cm, and back, with standstills between them."""
+    share = (0.5 - 0.5 * np.cos(np.pi * np.linspace(0.0, 1.0, 100)))[:, None]
+    pieces = []
+    for number in range(count):
+        bulge = (0.04 * number - 0.06) * np.sin(np.pi * share) * [0.8, 0.0, 0.6]
+        motion = np.array([0.45, -0.28, 0.32]) + share * [0.03, 0.54, 0.04] + bulge
+        if spoiled and number == 2:
+            motion = motion[:60]
+        if pieces:
+            pieces.append(pieces[-1][-1] + share * (motion[0] - pieces[-1][-1]))
+        pieces += [np.tile(motion[0], (150, 1)), motion, np.tile(motion[-1], (150, 1))]
+    return np.vstack(pieces)
+
+
+def published(places: np.ndarray) -> list:
+    return [
+        (100.0 + 0.02 * number, 100.0 + 0.02 * number, ("panda_link0", (*place, *DOWN)))
+        for number, place in enumerate(places)
+    ]
+
+
+@pytest.fixture(scope="module")
+def good(bag, tmp_path_factory) -> Path:
+    folder = tmp_path_factory.mktemp("bags")
+    return bag.write(folder / "reach.mcap", {"/tool": published(poses()), "/note": [(100.0, 0.0, "first try")]})
+
+
+@pytest.fixture(scope="module")
+def spoiled(bag, tmp_path_factory) -> Path:
+    places = poses(5, spoiled=True)
+    places[200] += 0.3
+    return bag.write(tmp_path_factory.mktemp("bags") / "reach", {"/tool": published(places)})
+
+
+def test_a_bag_becomes_a_skill(good, tmp_path, monkeypatch, capsys) -> None:
+    thoroughly = training.train_task_space_skill
+
+    def briefly(shown, settings, *more):
+        small = {"hidden": (16, 16), "samples": 40, "precision_samples": 2, "precision_iterations": 10}
+        return thoroughly(shown, replace(settings, **small), *more)
+
+    monkeypatch.setattr(training, "train_task_space_skill", briefly)
+    arguments = ["train", "--bag", str(good), "--out", str(tmp_path / "skill"), "--steps", "30", "--kernels", "20"]
+    assert main([*arguments, "--strict"]) == 0
+    provenance = Skill.load(tmp_path / "skill").provenance
+    assert provenance["data"] == "reach.mcap"
+    assert provenance["demonstrations"] == ["reach_0", "reach_1", "reach_2", "reach_3"]
+    assert "3 motions lead back to the start and are passed over" in capsys.readouterr().out
+
+
+def test_inspect_shows_demonstrations_and_flaws_and_draws_them(spoiled, tmp_path, capsys) -> None:
+    described, picture = tmp_path / "reach.json", tmp_path / "reach.png"
+    assert main(["inspect", str(spoiled), "--json", str(described), "--picture", str(picture)]) == 0
+    shown, content = capsys.readouterr().out, json.loads(described.read_text())
+    assert picture.read_bytes().startswith(b"\x89PNG")
+    assert [row["learned"] for row in content["demonstrations"]] == ["yes", "yes", "no", "yes", "yes"]
+    spike, *back, cut = content["flaws"]
+    assert spike["what"].startswith("has a spike of 1 sample, 15")
+    assert spike["time"] == pytest.approx(3.98)
+    assert [flaw["what"] for flaw in back] == 4 * ["leads back"]
+    assert cut["demonstration"] == "reach_2"
+    assert cut["what"].startswith("is interrupted: ")
+    for row in content["flaws"]:
+        assert row["what"] in shown
+    assert main(["inspect", str(spoiled), "--strict", "--picture", str(picture)]) == 2
+    assert "'reach' has a spike of 1 sample" in capsys.readouterr().err
+
+
+def test_inspect_reads_whatever_train_reads(recording, tmp_path, capsys) -> None:
+    still = np.load(recording)
+    still[1] = still[1, 0]
+    np.save(tmp_path / "still.npy", still)
+    arguments = ["--units", "cm", "--picture", str(tmp_path / "picture.png")]
+    assert main(["inspect", str(recording), *arguments]) == 0
+    assert "no flaws" in capsys.readouterr().out
+    assert main(["inspect", str(tmp_path / "still.npy"), *arguments]) == 2
+    printed = capsys.readouterr()
+    assert "does not move: 0 mm at most" in printed.out
+    assert "demonstration 'still_1' does not move" in printed.err
+
+
+def test_text_in_one_go_is_split_as_a_bag_is(tmp_path, capsys) -> None:
+    rows = [" ".join(map(str, (0.02 * number, *place))) for number, place in enumerate(poses())]
+    (tmp_path / "log.txt").write_text("\n".join(["# stamp x y z", *rows]))
+    arguments = ["inspect", str(tmp_path / "log.txt"), "--units", "m", "--columns", "t=stamp,px=x,py=y,pz=z"]
+    arguments += ["--json", str(tmp_path / "log.json"), "--picture", str(tmp_path / "log.png")]
+    assert main(arguments) == 0
+    found = json.loads((tmp_path / "log.json").read_text())
+    assert [row["name"] for row in found["demonstrations"]] == ["log_0", "log_1", "log_2", "log_3"]
+    assert main([*arguments, "--split", "/mark"]) == 2
+    assert "topics of markers are in bags" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (["--bag", "{good}", "--topic", "/joints"], "has no topic /joints. The bag has /note (std_msgs/String, 1)"),
+        (["--bag", "{good}", "--topic", "/note"], "needed is sensor_msgs/JointState or geometry_msgs/PoseStamped"),
+        (["--bag", "{tmp}/none.mcap"], "none.mcap: cannot be read"),
+        (["--bag", "{tmp}/cut.mcap"], "cut.mcap: is no readable bag, damaged or cut short"),
+        (["--bag", "{good}", "--split", "5"], "give standstill, a topic of markers as /mark, or the beginning"),
+        (["--bag", "{good}", "--split", "/mark"], "has no topic /mark; it has /note"),
+        (["--bag", "{good}", "--pause", "0"], "must be positive"),
+        (["--bag", "{good}", "--units", "cm"], "messages have metres"),
+        (["--bag", "{good}", "--space", "joint"], "--space joint"),
+        (["--bag", "{good}", "--joint-weight", "0.1"], "--joint-weight is for recordings of joints"),
+        (["--bag", "{spoiled}", "--strict"], "'reach' has a spike of 1 sample"),
+    ],
+)  # fmt: skip
+def test_what_cannot_be_learned_from_is_said_in_one_line_and_nothing_is_written(
+    arguments, said, good, spoiled, tmp_path, capsys
+) -> None:
+    (file,) = good.glob("*.mcap")
+    (tmp_path / "cut.mcap").write_bytes(file.read_bytes()[:3000])
+    places = {"good": good, "spoiled": spoiled, "tmp": tmp_path}
+    command = ["train", *(argument.format(**places) for argument in arguments), "--out", str(tmp_path / "s")]
+    assert main(command) == 2
+    lines = [line for line in capsys.readouterr().err.splitlines() if "warning" not in line]
+    assert len(lines) == 1
+    assert said in lines[0]
+    assert not (tmp_path / "s").exists()
+
+
+def test_a_bag_and_a_file_are_not_mixed(good, recording, tmp_path, capsys) -> None:
+    with pytest.raises(SystemExit) as left:
+        main(["train", "--bag", str(good), "--demos", str(recording), "--out", str(tmp_path / "s")])
+    assert left.value.code == 2
+    assert "not allowed with argument" in capsys.readouterr().err

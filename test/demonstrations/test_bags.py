@@ -1,0 +1,145 @@
+"""Bags of every kind: the same samples as were written, by name, in the clock that is set; what cannot be read."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from geodesic_motion_ros.demonstrations.bags import Source, chosen_source, is_bag, read_take, topics
+from geodesic_motion_ros.geometry.quaternions import multiply, rotate, rotate_by
+from geodesic_motion_ros.utils.errors import DemonstrationError
+
+NAMES = ("left", "right", "wrist")
+KINDS = ("sqlite3", "storage.mcap", "old.bag")
+TIMES = 1_700_000_000.0 + 0.01 * np.arange(60)
+VALUES = np.stack([np.linspace(0.0, 1.0, 60), np.linspace(1.0, -1.0, 60), np.sin(np.arange(60) / 9.0)], axis=1)
+TURN = rotate_by(np.array([[0.1, 0.2, 0.3]]), np.array([[1.0, 0.0, 0.0, 0.0]]))[0]
+
+
+def joint_messages(received=TIMES, stamps=TIMES, values=VALUES, names=NAMES) -> list:
+    return [
+        (when, stamp, dict(zip(names, row, strict=True)))
+        for when, stamp, row in zip(received, stamps, values, strict=True)
+    ]
+
+
+def joints_of(path: Path, **more):
+    return read_take(path, chosen_source(path, None)[0], NAMES, **more)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_joints_are_read_by_name_whatever_their_order_and_what_is_beside_them(kind, bag, tmp_path) -> None:
+    messages = []
+    random = np.random.default_rng(0)
+    for number, (when, stamp, row) in enumerate(joint_messages()):
+        mixed = [*row.items(), ("finger", 0.04)]
+        random.shuffle(mixed)
+        messages.append((when, stamp, dict(mixed)))
+        if number % 7 == 0:  # the gripper publishes on the same topic
+            messages.append((when + 0.001, stamp + 0.001, {"finger": 0.02}))
+    path = bag.write(tmp_path / kind, {"/joint_states": messages, "/mark": [(TIMES[0], 0.0, None)]})
+    assert is_bag(path)
+    read = joints_of(path)
+    np.testing.assert_array_equal(read.take.values, VALUES)
+    np.testing.assert_allclose(read.take.times, TIMES - TIMES[0], atol=1e-6)
+    assert read.take.names == NAMES
+    assert read.flaws == ()
+    assert [(topic.name, topic.count) for topic in topics(path)] == [("/joint_states", 69), ("/mark", 1)]
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_poses_are_read_scalar_first_and_continuous(kind, bag, tmp_path) -> None:
+    poses = [np.append([0.4, 0.01 * number, 0.3], TURN * (-1) ** number) for number in range(60)]
+    messages = [(time, time, ("base", pose)) for time, pose in zip(TIMES, poses, strict=True)]
+    path = bag.write(tmp_path / kind, {"/pose": messages})
+    take = read_take(path, chosen_source(path, None)[0]).take
+    np.testing.assert_allclose(take.values[:, :3], np.array(poses)[:, :3], atol=1e-12)
+    np.testing.assert_allclose(take.values[:, 3:], np.tile(TURN, (60, 1)), atol=1e-12)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_transforms_are_composed_through_the_frames_between(kind, bag, tmp_path) -> None:
+    moving = [np.append([0.0, 0.0, 0.01 * number], TURN) for number in range(60)]
+    messages = [(time, time, [("base", "link", pose), ("base", "other", pose)])
+                for time, pose in zip(TIMES, moving, strict=True)]
+    static = [(TIMES[0], TIMES[0], [("link", "tool", np.append([0.0, 0.0, 0.1], TURN))])]
+    path = bag.write(tmp_path / kind, {"/tf": messages, "/tf_static": static})
+    take = read_take(path, chosen_source(path, "/tf:base:tool")[0]).take
+    reached = np.array([pose[:3] + rotate(TURN, np.array([0.0, 0.0, 0.1])) for pose in moving])
+    np.testing.assert_allclose(take.values[:, :3], reached, atol=1e-9)
+    np.testing.assert_allclose(np.abs(take.values[:, 3:] @ multiply(TURN, TURN)), 1.0, atol=1e-9)
+    with pytest.raises(DemonstrationError, match=r"no transforms lead from 'base' to 'hand'.*base.*link.*other.*tool"):
+        read_take(path, Source.parse("/tf:base:hand"))
+
+
+def test_without_stamps_the_times_of_the_recorder_are_used_and_it_is_stated(bag, tmp_path) -> None:
+    read = joints_of(bag.write(tmp_path / "zeros", {"/joint_states": joint_messages(stamps=0.0 * TIMES)}))
+    np.testing.assert_allclose(read.take.times, TIMES - TIMES[0], atol=1e-6)
+    assert [flaw.what for flaw in read.flaws] == ["has headers without stamps"]
+
+
+def test_stamps_count_before_the_times_at_which_messages_came(bag, tmp_path) -> None:
+    late = TIMES + 5.0 + np.random.default_rng(1).uniform(0.0, 0.2, len(TIMES))
+    order = np.argsort(late)
+    path = bag.write(tmp_path / "late", {"/joint_states": [joint_messages(received=late)[index] for index in order]})
+    np.testing.assert_allclose(np.sort(joints_of(path).take.times), np.sort(TIMES - TIMES[order[0]]), atol=1e-6)
+
+
+def test_marks_have_times_of_the_clock_of_the_samples(bag, tmp_path) -> None:
+    marks = [(TIMES[10] + 100.0, 0.0, "reach"), (TIMES[40] + 100.0, 0.0, "")]
+    messages = {"/joint_states": joint_messages(received=TIMES + 100.0), "/mark": marks}
+    read = joints_of(bag.write(tmp_path / "marked", messages), marker="/mark")
+    assert [value for _, value in read.markers] == ["reach", ""]
+    np.testing.assert_allclose([time for time, _ in read.markers], [0.1, 0.4], atol=1e-6)
+
+
+def test_what_is_missing_is_named_beside_what_is_there(bag, tmp_path) -> None:
+    several = {"/joint_states": joint_messages(), "/other": joint_messages(), "/mark": [(TIMES[0], 0.0, True)]}
+    path = bag.write(tmp_path / "several", several)
+    listed = r"/joint_states \(sensor_msgs/JointState, 60\), /mark \(std_msgs/Bool, 1\), /other"
+    for requested, message in (
+        (None, rf"several topics of joint states or poses; say which with --topic.*{listed}"),
+        ("/joints", rf"has no topic /joints\. The bag has {listed}"),
+        ("/mark", r"/mark has messages of type std_msgs/msg/Bool; needed is sensor_msgs/JointState or geometry_msgs"),
+        ("/joint_states:base:tool", r"needed is tf2_msgs/TFMessage"),
+        ("/joint_states:base", r"give a topic, as /joint_states, or for transforms /tf:BASE_FRAME:TOOL_FRAME"),
+    ):
+        with pytest.raises(DemonstrationError, match=message):
+            chosen_source(path, requested)
+    with pytest.raises(DemonstrationError, match=r"no message has elbow; the joints there are 'left, right, wrist'"):
+        read_take(path, Source("/other"), ("left", "elbow"))
+    with pytest.raises(DemonstrationError, match=rf"has no topic /begin; it has {listed}"):
+        read_take(path, Source("/other"), NAMES, "/begin")
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("share", [0.02, 0.3, 0.6, 0.95])
+def test_a_file_that_is_cut_short_is_read_as_far_as_it_goes_or_refused_in_one_line(kind, share, bag, tmp_path) -> None:
+    path = bag.write(tmp_path / kind, {"/joint_states": joint_messages()})
+    (file,) = [path] if path.is_file() else [each for each in path.iterdir() if each.suffix in (".db3", ".mcap")]
+    content = file.read_bytes()
+    file.write_bytes(content[: int(share * len(content))])
+    reasons = []
+    try:
+        read = joints_of(path)
+        np.testing.assert_array_equal(read.take.values, VALUES[: len(read.take)])
+    except DemonstrationError as error:
+        reasons.append(str(error))
+    assert all(reason.startswith(str(path)) and len(reason.splitlines()) == 1 for reason in reasons)
+
+
+def test_a_bag_without_metadata_is_read_by_its_files(bag, tmp_path) -> None:
+    path = bag.write(tmp_path / "killed.mcap", {"/joint_states": joint_messages()})
+    (path / "metadata.yaml").unlink()
+    np.testing.assert_array_equal(joints_of(path).take.values, VALUES)
+
+
+def test_what_is_no_bag_is_refused(tmp_path) -> None:
+    (tmp_path / "text.bag").write_text("no bag")
+    (tmp_path / "empty").mkdir()
+    for name, message in (("text.bag", "no readable bag"), ("none.mcap", "No such file"), ("empty", "is no bag")):
+        with pytest.raises(DemonstrationError, match=message):
+            topics(tmp_path / name)
+    assert not is_bag(tmp_path / "empty")
