@@ -30,7 +30,10 @@ setup(
     author_email="maintainers@example.org",
     license="Apache-2.0",
     packages=find_packages(include=[NAME, f"{NAME}.*"]),
-    package_data={f"{NAME}.planning": ["kernels.json"], f"{NAME}.robot": ["*.urdf", "*.yaml"]},
+    package_data={
+        f"{NAME}.planning": ["kernels.json"],
+        f"{NAME}.robot": ["*.urdf", "robots/*/*", "robots/*/meshes/*"],
+    },
     python_requires=">=3.10",
     # rclpy and the message packages stay out of here: on a machine with ROS they are the system's, and pip
     # must not add a second set. Without a system ROS, the extra `ros` brings them.

@@ -13,7 +13,7 @@ import sys
 from collections.abc import Iterable, Sequence
 from typing import Protocol
 
-from geodesic_motion_ros.cli import demo, demonstrate, goal, inspect, train
+from geodesic_motion_ros.cli import demo, demonstrate, goal, inspect, robot, train
 from geodesic_motion_ros.cli.arguments import HelpFormatter
 from geodesic_motion_ros.planning.kernels import compile_kernels
 from geodesic_motion_ros.utils.errors import GeodesicMotionError
@@ -47,7 +47,7 @@ class Command(Protocol):
         """Add it to the parser; it sets `run`, a function of the parsed arguments."""
 
 
-COMMANDS: tuple[Command, ...] = (demonstrate, train, inspect, demo, goal)
+COMMANDS: tuple[Command, ...] = (demonstrate, train, inspect, demo, goal, robot)
 
 
 def build_parser(

@@ -1,4 +1,4 @@
-"""Node `twin`: a simulated Panda that stands in for the hardware behind the same topics.
+"""Node `twin`: a simulated arm that stands in for the hardware behind the same topics.
 
 Physics runs in real time, or as a simulated clock goes on, in a thread of its own. Only that thread touches PyBullet:
 callbacks leave what they want in a mailbox, services wait until it was done.
@@ -48,14 +48,16 @@ from geodesic_motion_ros.nodes.refusals import Refusals
 from geodesic_motion_ros.nodes.running import STEADY, LoopingNode, run_node
 from geodesic_motion_ros.nodes.steady_loop import SteadyLoop
 from geodesic_motion_ros.nodes.twin_parameters import (
+    base_frame,
     check_twin,
     initial_joints,
+    robot_of,
     scene_around,
     scripted_spheres,
     steps_per_message,
 )
 from geodesic_motion_ros.simulation.scripted_spheres import ScriptedSpheres
-from geodesic_motion_ros.simulation.world import PandaWorld
+from geodesic_motion_ros.simulation.world import ArmWorld
 from geodesic_motion_ros.utils.errors import GeodesicMotionError, RobotError
 
 # After a stall physics makes up for what was lost, for half as long [s] of real time at most, in the next tick half as
@@ -104,9 +106,10 @@ class TwinNode(LoopingNode):
     def _build(self) -> None:
         self._options = NodeParameters(self, TWIN, check_twin)
         values = self._options
-        self._frame: str = values["base_frame"]
-        self._world = PandaWorld(values["gui"], values["physics_rate"], scene_around(values["scene"], values["skill"]))
-        self._world.reset(initial_joints(values.values))
+        self._robot, self._frame = robot_of(values.values), base_frame(values.values)
+        scene = scene_around(values["scene"], values["skill"])
+        self._world = ArmWorld(values["gui"], values["physics_rate"], scene, self._robot)
+        self._world.reset(initial_joints(values.values, self._world.robot))
         self._spheres, self._spheres_start = ScriptedSpheres({}), 0.0
         self._steps = self._contacts = 0
         self._touched: set[str] = set()
@@ -130,7 +133,7 @@ class TwinNode(LoopingNode):
 
     def _introduction(self) -> str:
         topics = ", ".join(self.resolve_topic_name(name) for name in ("joint_trajectory", "target_pose"))
-        return f"ready: a simulated panda on {self._joint_states.topic_name}; waits for commands on {topics}"
+        return f"ready: a simulated {self._robot} on {self._joint_states.topic_name}; waits for commands on {topics}"
 
     def _make_interface(self) -> None:
         # Reliable publishers serve subscribers of either kind; best effort ones would leave reliable
@@ -356,7 +359,7 @@ class TwinNode(LoopingNode):
             raise MessageRefused(f"physics did not answer within {_PATIENCE:g} s") from error
 
     def _reset(self) -> str:
-        self._world.reset(initial_joints(self._options.values))
+        self._world.reset(initial_joints(self._options.values, self._world.robot))
         self._begin_anew()
         with self._command_lock:
             self._command = None

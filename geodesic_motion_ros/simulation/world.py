@@ -1,4 +1,4 @@
-"""The digital twin: a Panda in PyBullet that follows tool poses or joint positions, in a declared scene, among moving
+"""The digital twin: an arm in PyBullet that follows tool poses or joint positions, in a declared scene, among moving
 spheres.
 """
 
@@ -12,18 +12,17 @@ import pybullet_data
 from scipy.spatial.transform import Rotation
 
 from geodesic_motion_ros.planning.declared_scene import MASSIVE, DeclaredScene
+from geodesic_motion_ros.robot.description import DEFAULT_ROBOT, RobotDescription
 from geodesic_motion_ros.robot.inverse_kinematics import checked_pose, solve
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.simulation.camera import take_picture, view_named
 from geodesic_motion_ros.simulation.joint_motion import JointMotion
-from geodesic_motion_ros.simulation.physics_client import PhysicsClient
+from geodesic_motion_ros.simulation.physics_client import PhysicsClient, PhysicsError
 from geodesic_motion_ros.simulation.target_stream import TargetStream
 from geodesic_motion_ros.simulation.trajectory_player import JointWaypoints, TrajectoryPlayer
 from geodesic_motion_ros.utils.errors import ParameterError, RobotError
 
-PANDA_URDF = Path(pybullet_data.getDataPath()) / "franka_panda" / "panda.urdf"
 SMOOTH_SPHERE = Path(pybullet_data.getDataPath()) / "sphere_smooth.obj"  # of radius one
-FINGER_OPENING = 0.02
 # Share of a position error that PyBullet's motor removes in one step.
 POSITION_GAIN = 0.5
 OBSTACLE_COLOURS = (
@@ -36,8 +35,8 @@ OBSTACLE_COLOURS = (
 SCENE_COLOUR = (0.72, 0.75, 0.79, 1.0)
 
 
-class PandaWorld:
-    """A Panda in a declared scene, with gravity, joint motors, kinematic spheres as obstacles, and a camera.
+class ArmWorld:
+    """An arm in a declared scene, with gravity, joint motors, kinematic spheres as obstacles, and a camera.
 
     Each world is a physics server of its own, so several may live in one process. Base frame = world frame.
 
@@ -46,6 +45,7 @@ class PandaWorld:
     gui : open PyBullet's window instead of running headless.
     rate_hz : physics steps per second of simulated time.
     scene : what always stands around the arm; None: nothing. Keep-out boxes and workspaces are no bodies.
+    robot : name of a shipped robot, or the path of a folder.
 
     Attributes
     ----------
@@ -53,10 +53,16 @@ class PandaWorld:
     clock_offset : what the clock that begins of trajectories are given on shows [s] when `time` is 0; 0 after a reset.
     """
 
-    def __init__(self, gui: bool = False, rate_hz: float = 240.0, scene: DeclaredScene | None = None) -> None:
+    def __init__(
+        self,
+        gui: bool = False,
+        rate_hz: float = 240.0,
+        scene: DeclaredScene | None = None,
+        robot: str | Path = DEFAULT_ROBOT,
+    ) -> None:
         if not 100.0 <= rate_hz <= 2000.0:
             raise ParameterError(f"rate_hz is {rate_hz}: physics runs at 100 to 2000 steps per second")
-        self.robot = Robot.panda()
+        self.robot = Robot.named(robot)
         # worked out and compiled now, not at the first target
         self._reach = self.robot.reach
         _compile_player(self.robot.ready)
@@ -64,7 +70,7 @@ class PandaWorld:
         self._client = PhysicsClient(gui)
         self._obstacles: dict[str, tuple[int, float]] = {}
         self._decorations: list[int] = []
-        self._build(gui, scene or DeclaredScene.empty())
+        self._build(gui, scene or DeclaredScene.empty(), RobotDescription.named(robot))
         self.reset()
 
     def reset(
@@ -87,8 +93,8 @@ class PandaWorld:
             start = self.robot.checked(joint_positions)
         for index, position in zip(self._joints, start, strict=True):
             self._client.resetJointState(self._arm, index, position, 0.0)
-        for index in self._fingers:
-            self._client.resetJointState(self._arm, index, FINGER_OPENING, 0.0)
+        for index, position in self._beside.items():
+            self._client.resetJointState(self._arm, index, position, 0.0)
         self.time = self.clock_offset = 0.0
         self._motion = JointMotion(self.robot, start)
         self._target: TargetStream | TrajectoryPlayer | None = None
@@ -235,13 +241,12 @@ class PandaWorld:
         for body, name in self._scene.items():
             for point in closest(self._arm, body, cutoff):
                 # what the base is mounted on touches it
-                if point[3] >= 0 and point[8] < nearest[0]:
+                if self._turned[point[3]] and point[8] < nearest[0]:
                     nearest = (point[8], f"{self._link_names[point[3]]} and '{name}'")
         for point in closest(self._arm, self._arm, cutoff):
             one, other = point[3], point[4]
             # what is mounted on the flange moves with the last joint
-            apart = abs(min(one, len(self._joints) - 1) - min(other, len(self._joints) - 1))
-            if apart >= 2 and point[8] < nearest[0]:
+            if abs(self._turned[one] - self._turned[other]) >= 2 and point[8] < nearest[0]:
                 nearest = (point[8], f"{self._link_names[one]} and {self._link_names[other]}")
         return nearest
 
@@ -254,7 +259,7 @@ class PandaWorld:
             name: self._link_names[point[3]]
             for body, name in {**self._scene, **bodies}.items()
             for point in self._client.getContactPoints(self._arm, body)
-            if point[8] <= 0.0 and (point[3] >= 0 or body in bodies)
+            if point[8] <= 0.0 and (self._turned[point[3]] or body in bodies)
         }
 
     def add_curve(self, points: np.ndarray, colour: tuple[float, float, float], radius: float = 0.004) -> None:
@@ -284,13 +289,13 @@ class PandaWorld:
         if self._client.isConnected():
             self._client.disconnect()
 
-    def __enter__(self) -> PandaWorld:
+    def __enter__(self) -> ArmWorld:
         return self
 
     def __exit__(self, *_: object) -> None:
         self.close()
 
-    def _build(self, gui: bool, scene: DeclaredScene) -> None:
+    def _build(self, gui: bool, scene: DeclaredScene, described: RobotDescription) -> None:
         client = self._client
         if gui:
             client.configureDebugVisualizer(client.COV_ENABLE_GUI, 0)
@@ -302,16 +307,23 @@ class PandaWorld:
             for name, solid, kind in zip(scene.names, scene.solids, scene.kinds, strict=True)
             if kind in MASSIVE
         }
-        self._arm = client.loadURDF(str(PANDA_URDF), useFixedBase=True)
+        self._arm = load_arm(client, described)
         infos = [client.getJointInfo(self._arm, index) for index in range(client.getNumJoints(self._arm))]
         index_of = {info[1].decode(): info[0] for info in infos}
+        for name in (*self.robot.joint_names, *described.simulated_joints):
+            if name not in index_of:
+                raise RobotError(f"joint '{name}' is not in {described.simulated_urdf}; it has {', '.join(index_of)}")
         self._joints = [index_of[name] for name in self.robot.joint_names]
         self._forces = [infos[index][10] for index in self._joints]
-        self._fingers = [index_of["panda_finger_joint1"], index_of["panda_finger_joint2"]]
-        self._link_names = {info[0]: info[12].decode() for info in infos} | {-1: self.robot.base_link}
-        client.setJointMotorControlArray(
-            self._arm, self._fingers, client.POSITION_CONTROL, [FINGER_OPENING] * 2, forces=[20.0] * 2
-        )
+        self._beside = {index_of[name]: position for name, position in described.simulated_joints.items()}
+        self._link_names = {info[0]: info[12].decode() for info in infos}
+        self._link_names[-1] = client.getBodyInfo(self._arm)[0].decode()
+        # How many of the arm's joints move a link; parents come before their children.
+        self._turned = {-1: 0}
+        for info in infos:
+            self._turned[info[0]] = self._turned[info[16]] + (info[0] in self._joints)
+        for index, position in self._beside.items():
+            client.setJointMotorControl2(self._arm, index, client.POSITION_CONTROL, position, force=20.0)
 
     def _drive(self, positions: np.ndarray, velocities: np.ndarray) -> None:
         count = len(positions)
@@ -348,6 +360,32 @@ class PandaWorld:
         size = np.linalg.norm(turn)
         turn = turn / size if size > 1e-9 else np.array([1.0, 0.0, 0.0, 0.0])
         return client.createMultiBody(0.0, -1, look, basePosition=0.5 * (start + end), baseOrientation=turn)
+
+
+def load_arm(client: PhysicsClient, described: RobotDescription) -> int:
+    """An arm from the URDF of its folder for the simulation, its base link in the origin; PyBullet's number.
+
+    Raises
+    ------
+    RobotError : PyBullet cannot read the URDF or a mesh, or it lacks the base link.
+    """
+    urdf = described.simulated_urdf
+    if urdf.startswith("pybullet_data/"):
+        urdf = str(Path(pybullet_data.getDataPath()) / urdf.removeprefix("pybullet_data/"))
+    try:
+        arm = client.loadURDF(urdf, useFixedBase=True)
+    except PhysicsError as error:
+        raise RobotError(f"PyBullet cannot read {urdf}: are its meshes where it says?") from error
+    infos = [client.getJointInfo(arm, index) for index in range(client.getNumJoints(arm))]
+    if client.getBodyInfo(arm)[0].decode() == described.base_link:
+        return arm
+    base = [info[0] for info in infos if info[12].decode() == described.base_link]
+    if not base:
+        raise RobotError(f"link '{described.base_link}' is not in {urdf}")
+    state = client.getLinkState(arm, base[0], computeForwardKinematics=True)
+    back = Rotation.from_quat(state[5]).inv()
+    client.resetBasePositionAndOrientation(arm, -back.apply(state[4]), back.as_quat())
+    return arm
 
 
 def add_solid(client: PhysicsClient, solid: np.ndarray, kind: str) -> int:

@@ -302,7 +302,7 @@ def test_real_letters(recordings):
     assert not letters.has_orientation
 
 
-PANDA = Robot.panda()
+PANDA = Robot.named("panda")
 
 
 def joint_arrays(**changes) -> dict[str, np.ndarray]:

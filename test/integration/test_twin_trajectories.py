@@ -21,7 +21,7 @@ from geodesic_motion_ros.robot.limits import JointLimits
 from geodesic_motion_ros.trajectory.timing import timed_joint_reference
 from geodesic_motion_ros.trajectory.trajectory import JointReference, joined
 
-ROBOT = Robot.panda()
+ROBOT = Robot.named("panda")
 #: Slow enough that a message or a tick that is late by some milliseconds on a busy machine makes no large error.
 LIMITS = JointLimits.of(ROBOT, speed_scale=0.25, acceleration_scale=0.2)
 START = ROBOT.ready

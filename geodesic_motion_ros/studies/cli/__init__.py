@@ -9,7 +9,7 @@ import argparse
 from collections.abc import Sequence
 
 from geodesic_motion_ros import cli
-from geodesic_motion_ros.cli import demo, demonstrate, goal, inspect
+from geodesic_motion_ros.cli import demo, demonstrate, goal, inspect, robot
 from geodesic_motion_ros.studies.cli import benchmark, evaluate, experiment, faults, judge, measured_train, timing
 
 _DESCRIPTION = """\
@@ -33,7 +33,7 @@ _EXAMPLES = (
     "faults --only state_stops",
 )
 COMMANDS: tuple[cli.Command, ...] = (
-    demonstrate, measured_train, evaluate, inspect, demo, goal, experiment, timing, benchmark, judge, faults,
+    demonstrate, measured_train, evaluate, inspect, demo, goal, robot, experiment, timing, benchmark, judge, faults,
 )  # fmt: skip
 
 

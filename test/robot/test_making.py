@@ -1,0 +1,129 @@
+"""A folder out of a URDF: it covers what collides, and is a robot; what is missing is named."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from geodesic_motion_ros.robot.collision_bodies import collision_bodies, read_mesh
+from geodesic_motion_ros.robot.collision_model import CollisionModel, self_clearance, tool_spheres
+from geodesic_motion_ros.robot.kinematics import Robot
+from geodesic_motion_ros.robot.making import Limits, make_robot
+from geodesic_motion_ros.robot.self_pairs import separated
+from geodesic_motion_ros.utils.errors import ParameterError, RobotError
+
+BOX = '<collision><origin xyz="{at}"/><geometry><box size="{size}"/></geometry></collision>'
+ARM = f"""<robot name="crane">
+  <link name="foot">{BOX.format(at="0 0 0.05", size="0.1 0.1 0.1")}</link>
+  <link name="mast"><collision><origin xyz="0 0 0.1"/><geometry><cylinder radius="0.03" length="0.2"/></geometry>
+    </collision></link>
+  <link name="boom"><collision><origin xyz="0.1 0 0"/><geometry><mesh filename="meshes/boom.obj" scale="2 1 1"/>
+    </geometry></collision></link>
+  <link name="jib">{BOX.format(at="0.075 0 0", size="0.15 0.05 0.05")}</link>
+  <link name="hook"><collision><geometry><sphere radius="0.04"/></geometry></collision></link>
+  <link name="claw">{BOX.format(at="0 0 0", size="0.02 0.04 0.06")}</link>
+  <joint name="turn" type="revolute"><parent link="foot"/><child link="mast"/><origin xyz="0 0 0.1"/>
+    <axis xyz="0 0 1"/><limit lower="-3" upper="3" velocity="1" effort="1"/></joint>
+  <joint name="luff" type="revolute"><parent link="mast"/><child link="boom"/><origin xyz="0 0 0.2"/>
+    <axis xyz="0 -1 0"/><limit lower="-0.5" upper="1.5" velocity="1" effort="1"/></joint>
+  <joint name="bend" type="continuous"><parent link="boom"/><child link="jib"/><origin xyz="0.2 0 0"/>
+    <axis xyz="0 1 0"/><limit velocity="1" effort="1"/></joint>
+  <joint name="slew" type="revolute"><parent link="jib"/><child link="hook"/><origin xyz="0.18 0 0"/><axis xyz="0 0 1"/>
+    <limit lower="-2" upper="2" velocity="1" effort="1"/></joint>
+  <joint name="grip" type="prismatic"><parent link="hook"/><child link="claw"/><axis xyz="1 0 0"/>
+    <limit lower="0" upper="0.2" velocity="1" effort="1"/></joint>
+</robot>"""
+LIMITS = Limits((5.0,) * 4, (500.0,) * 4, "chosen for a test")
+
+
+@pytest.fixture
+def urdf(tmp_path: Path) -> Path:
+    (tmp_path / "meshes").mkdir()
+    corners = [(x, y, z) for x in (-0.05, 0.05) for y in (-0.025, 0.025) for z in (-0.03, 0.03)]
+    (tmp_path / "meshes/boom.obj").write_text("".join(f"v {x} {y} {z}\n" for x, y, z in corners))
+    (tmp_path / "crane.urdf").write_text(ARM)
+    return tmp_path / "crane.urdf"
+
+
+def test_the_folder_is_a_robot_whose_spheres_hold_all_that_collides(urdf: Path, tmp_path: Path) -> None:
+    made = make_robot(urdf, "foot", "hook", tmp_path / "crane", LIMITS, beside={"grip": 0.1})
+    assert made.farthest_outside() <= 0.0
+    robot, model = Robot.named(made.folder), CollisionModel.named(made.folder)
+    assert robot.joint_names == ("turn", "luff", "bend", "slew")
+    assert self_clearance(model, robot, robot.ready)[0] > 0.0
+    assert len(tool_spheres(made.folder)) == len(made.spheres["hook"])
+    # The claw is where its joint puts it, and belongs to the hook.
+    claw = next(body for body in made.bodies if body.name == "claw")
+    assert claw.link == "hook"
+    np.testing.assert_allclose(claw.vertices.mean(axis=0), [0.1, 0.0, 0.0], atol=1e-12)
+
+
+def test_bodies_that_do_meet_are_kept_apart(urdf: Path, tmp_path: Path) -> None:
+    """The control: bent back, the jib passes through the mast; links of one joint are never compared."""
+    made = make_robot(urdf, "foot", "hook", tmp_path / "crane", LIMITS)
+    pairs = {pair.links for pair in made.pairs}
+    assert ("mast", "jib") in pairs
+    assert ("mast", "boom") not in pairs
+    robot, model = Robot.named(made.folder), CollisionModel.named(made.folder)
+    assert self_clearance(model, robot, np.array([0.0, -0.4, 2.6, 0.0]))[0] < 0.0
+
+
+@pytest.mark.parametrize("gap", [0.001, 0.02])
+def test_bodies_are_separated_by_less_than_their_distance(gap: float) -> None:
+    """The control: by more they are not."""
+    generator = np.random.default_rng(0)
+    one = generator.uniform(-0.1, 0.1, (40, 3))
+    other = generator.uniform(-0.1, 0.1, (40, 3))
+    other[:, 0] += one[:, 0].max() - other[:, 0].min() + gap
+    assert separated(one, other, 0.9 * gap)
+    assert not separated(one, one + [0.01, 0.0, 0.0], 0.0)
+    assert not separated(one, other, 2.0 * gap + 0.2)
+
+
+@pytest.mark.parametrize(
+    ("before", "after", "message"),
+    [
+        ("meshes/boom.obj", "meshes/jib.obj", r"mesh 'meshes/jib\.obj' of crane\.urdf is neither"),
+        ("<collision>", "<visual>", r"crane\.urdf has no <collision>"),
+        ('<sphere radius="0.04"/>', '<cone radius="0.04"/>', "link 'hook' is a <cone>: known are mesh, box"),
+        ('type="continuous"', 'type="floating"', "joint 'bend' is of type 'floating'"),
+        ('"bend" type="continuous">', '"bend" type="continuous"><mimic joint="luff"/>', "joint 'bend' mimics 'luff'"),
+        ('<joint name="slew" type="revolute">', '<joint name="slip" type="revolute">', None),
+    ],
+)  # fmt: skip
+def test_what_does_not_fit_is_named(urdf: Path, tmp_path: Path, before: str, after: str, message: str | None) -> None:
+    text = ARM.replace(before, after)
+    urdf.write_text(text.replace("</collision>", "</visual>") if after == "<visual>" else text)
+    if message is None:
+        assert "slip" in Robot.from_urdf(urdf, "foot", "hook").joint_names
+        return
+    with pytest.raises(RobotError, match=message):
+        make_robot(urdf, "foot", "hook", tmp_path / "crane", LIMITS)
+    assert not (tmp_path / "crane").exists()
+
+
+def test_nothing_is_written_over_a_folder(urdf: Path, tmp_path: Path) -> None:
+    with pytest.raises(ParameterError, match="exists and is not empty"):
+        make_robot(urdf, "foot", "hook", tmp_path / "meshes", LIMITS)
+
+
+def test_a_joint_of_the_chain_is_not_beside_it(urdf: Path) -> None:
+    robot = Robot.from_urdf(urdf, "foot", "hook")
+    with pytest.raises(RobotError, match="joint 'luff' is not beside the chain in crane"):
+        collision_bodies(robot, {"luff": 0.1})
+
+
+def test_meshes_are_read_in_their_formats(tmp_path: Path) -> None:
+    triangles = np.array([[[0, 0, 0], [1, 0, 0], [0, 1, 0]], [[0, 0, 0], [1, 0, 0], [0, 0, 1]]], dtype="<f4")
+    rows = [b"\0" * 12 + triangle.tobytes() + b"\0\0" for triangle in triangles]
+    (tmp_path / "binary.stl").write_bytes(b"\0" * 80 + len(rows).to_bytes(4, "little") + b"".join(rows))
+    lines = [f"vertex {' '.join(map(str, corner))}\n" for corner in triangles.reshape(-1, 3)]
+    (tmp_path / "text.stl").write_text("solid\n" + "".join(lines))
+    expected = [[0, 0, 0], [0, 0, 1], [0, 1, 0], [1, 0, 0]]
+    for name in ("binary.stl", "text.stl"):
+        np.testing.assert_array_equal(read_mesh(tmp_path / name), expected)
+    (tmp_path / "mesh.dae").write_text("<COLLADA/>")
+    with pytest.raises(RobotError, match=r"of the format \.dae: convert it to STL or OBJ"):
+        read_mesh(tmp_path / "mesh.dae")
