@@ -24,7 +24,7 @@ from geodesic_motion_ros.demonstrations.bags import is_bag
 from geodesic_motion_ros.demonstrations.recorded_tables import files_in
 from geodesic_motion_ros.geometry.curves import arc_length
 from geodesic_motion_ros.geometry.quaternions import angle_between
-from geodesic_motion_ros.skill.description import METADATA
+from geodesic_motion_ros.skill.description import DESCRIPTION
 from geodesic_motion_ros.utils.tables import text_table, write_json
 
 if TYPE_CHECKING:
@@ -80,7 +80,7 @@ def run(arguments: argparse.Namespace) -> None:
 
     writable(arguments.json)
     path = Path(arguments.skill)
-    tables = files_in(path) and not (path / METADATA).exists()
+    tables = files_in(path) and not (path / DESCRIPTION).exists()
     if is_bag(path) or path.suffix.lower() in _FILES or tables:
         run_recording(arguments, path)
         return

@@ -89,7 +89,7 @@ def _read_tables(path: Path, readers: Mapping[str, Reader], names: tuple[str, ..
     if files := files_in(path):
         return _merged([(file, _read_tables(file, readers, names, rate_hz)) for file in files])
     if path.is_dir():
-        raise DemonstrationError(f"{path}: a folder without .csv files; it holds no recording, and is no bag")
+        raise DemonstrationError(f"{path}: is a directory without .csv files; it holds no recording, and is no bag")
     reader = readers.get(path.suffix.lower())
     if reader is None:
         raise DemonstrationError(f"{path}: cannot read '{path.suffix}' files, only {', '.join(readers)}")

@@ -150,5 +150,5 @@ def test_a_folder_that_cannot_be_written_is_named(tmp_path: Path) -> None:
 
 def test_a_file_of_the_folder_that_cannot_be_read_is_named(folder: TakeFolder) -> None:
     (folder.folder / "take_002.csv").write_text("demonstration,t\n")
-    with pytest.raises(DemonstrationError, match="take_002.csv: "):
+    with pytest.raises(DemonstrationError, match=r"take_002\.csv: "):
         TakeFolder(folder.folder, "panda")
