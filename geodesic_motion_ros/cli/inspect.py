@@ -48,7 +48,7 @@ examples:
   geodesic-motion inspect panda_pouring                 a shipped skill, by its name
   geodesic-motion inspect skills/pouring --json out/pouring.json --picture out/pouring.png
   geodesic-motion inspect pouring.npy --units cm
-  geodesic-motion inspect recordings                    a folder that the node `record` has written
+  geodesic-motion inspect recordings                    a folder written by the node `record`
   geodesic-motion inspect reach_bag --topic /joint_states
   geodesic-motion inspect monday.mcap --topic /tf:panda_link0:panda_hand --split /mark
 """

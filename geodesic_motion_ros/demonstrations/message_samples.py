@@ -1,4 +1,4 @@
-"""Messages -> arrays, whoever received them: a bag's recorder or a node. Knows no ROS: any object with the fields."""
+"""Messages -> arrays, received by a bag's recorder or by a node. Knows no ROS: any object with the fields."""
 
 from __future__ import annotations
 
@@ -29,11 +29,6 @@ class JointSamples:
 
     def __len__(self) -> int:
         return len(self._rows)
-
-    @property
-    def newest_stamp(self) -> int:
-        """[ns] of the newest message that counts; 0 without a stamp, or a message."""
-        return self._rows[-1][1] if self._rows else 0
 
     def add(self, received: int, message: Any) -> None:
         """Take a message that was received at a time [ns]."""

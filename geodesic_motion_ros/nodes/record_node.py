@@ -53,7 +53,9 @@ class RecordNode(LoopingNode):
         self._samples: JointSamples | None = None
         self._began = 0.0
         self._keys: Keys | None = None
-        self._refusals = Refusals(self.get_logger().warning, quiet=0.0)
+        self._refusals = Refusals(self.get_logger().warning)
+        # keys that are pressed twice within a second are answered twice
+        self._requests = Refusals(self.get_logger().warning, quiet=0.0)
         self._joint_states = self.create_subscription(JointState, "joint_states", self._on_joint_states, _EVERY)
         for name, work in (("begin", self._begin), ("end", self._end), ("delete_last", self._delete_last)):
             self.create_service(Trigger, f"~/{name}", self._serving(f"~/{name}", work))
@@ -103,7 +105,7 @@ class RecordNode(LoopingNode):
             except DemonstrationError as error:
                 raise MessageRefused(str(error)) from error
 
-        self._refusals.answered(name, response, refusing)
+        self._requests.answered(name, response, refusing)
         if response.success:
             self.get_logger().info(response.message)
         return response
