@@ -52,8 +52,9 @@ class TakeFolder:
 
     @property
     def next_name(self) -> str:
-        """Of the next take: take_001, or one more than the highest number."""
-        numbers = [int(found[1]) for take in self._takes if (found := re.fullmatch(r"take_(\d+)", take.name))]
+        """Of the next take: take_001, or one more than the highest number, those of another session included."""
+        names = [*(take.name for take in self._takes), *(file.stem for file in files_in(self.folder))]
+        numbers = [int(found[1]) for name in names if (found := re.fullmatch(r"take_(\d+)", name))]
         return f"take_{max(numbers, default=0) + 1:03d}"
 
     def keep(self, samples: JointSamples) -> str:

@@ -142,6 +142,13 @@ def test_a_take_that_shows_an_earlier_one_to_be_strange_is_kept_and_says_so(tmp_
     assert "beside it 'take_001' is of another task: ends" in folder.keep(received(motion(0.02)))
 
 
+def test_two_sessions_at_once_do_not_write_over_one_another(folder: TakeFolder) -> None:
+    other = TakeFolder(folder.folder, "panda")
+    assert other.keep(received(motion(0.01))).startswith("kept take_004")
+    assert folder.keep(received(motion(0.03))).startswith("kept take_005")
+    assert len(joint_takes(folder.folder, "panda")) == 5
+
+
 def test_a_folder_that_cannot_be_written_is_named(tmp_path: Path) -> None:
     (tmp_path / "file").touch()
     with pytest.raises(DemonstrationError, match="file/takes: cannot be written"):
