@@ -436,7 +436,7 @@ RECORD = (
         "recordings",
         "Where the takes of one task go, one file each; new ones are compared with those that stand there",
     ),
-    Parameter("robot", "panda", "Whose joints are recorded, by their names in its URDF"),
+    Parameter("robot", DEFAULT_ROBOT, "Whose joints are recorded, by their names in its URDF"),
 )
 
 TABLES = {"planner": PLANNER, "twin": TWIN, "record": RECORD}
