@@ -125,12 +125,22 @@ def _write(
 
 
 def cover_bodies(robot: Robot, bodies: Sequence[Body]) -> dict[str, np.ndarray]:
-    """Spheres (S, 4) [m] by link, base first, that hold all bodies."""
+    """Spheres (S, 4) [m] by link, base first, that hold all bodies.
+
+    A body that the first joint alone turns is as high above what the arm stands on, z = 0, in every posture: where its
+    spheres are lower than that, and it is not, finer ones are taken.
+    """
     turned = np.append(0, np.cumsum(robot.chain[3] >= 0))
+    rotations, origins = robot.link_frames(robot.ready)
     found: dict[str, list[np.ndarray]] = {}
     for body in bodies:
-        last = turned[robot.link_names.index(body.link)] == turned[-1]
-        found.setdefault(body.link, []).append(_covered(body, HAND_PROTRUSION if last else PROTRUSION))
+        link = robot.link_names.index(body.link)
+        protrusion = HAND_PROTRUSION if turned[link] == turned[-1] else PROTRUSION
+        rows = _covered(body, protrusion)
+        up, height = rotations[link][2], origins[link][2]
+        if turned[link] == 1 and np.min(rows[:, :3] @ up - rows[:, 3]) < -height < np.min(body.vertices @ up):
+            rows = _covered(body, 0.5 * protrusion)
+        found.setdefault(body.link, []).append(rows)
     return {link: np.concatenate(rows) for link, rows in found.items()}
 
 

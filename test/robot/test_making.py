@@ -13,6 +13,7 @@ from geodesic_motion_ros.robot.convex_parts import hull_triangles
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.robot.making import Limits, make_robot
 from geodesic_motion_ros.robot.self_pairs import separated
+from geodesic_motion_ros.robot.sphere_cover import PROTRUSION
 from geodesic_motion_ros.utils.errors import ParameterError, RobotError
 
 BOX = '<collision><origin xyz="{at}"/><geometry><box size="{size}"/></geometry></collision>'
@@ -103,6 +104,17 @@ def test_what_does_not_fit_is_named(urdf: Path, tmp_path: Path, before: str, aft
     with pytest.raises(RobotError, match=message):
         make_robot(urdf, "foot", "hook", tmp_path / "crane", LIMITS)
     assert not (tmp_path / "crane").exists()
+
+
+def test_what_turns_just_above_its_table_is_covered_finely(urdf: Path, tmp_path: Path) -> None:
+    """Spheres of a thick mast stick out of it by half. The control: with room below, by more than that."""
+    lowest = {}
+    for height in (0.005, 0.1):
+        text = ARM.replace('radius="0.03" length="0.2"', 'radius="0.07" length="0.2"')
+        urdf.write_text(text.replace('"mast"/><origin xyz="0 0 0.1"/>', f'"mast"/><origin xyz="0 0 {height}"/>'))
+        made = make_robot(urdf, "foot", "hook", tmp_path / str(height), LIMITS, ready=(0.0, 1.0, 1.5, 0.0))
+        lowest[height] = np.min(made.spheres["mast"][:, 2] - made.spheres["mast"][:, 3])
+    assert lowest[0.1] < -0.5 * PROTRUSION - 0.002 < lowest[0.005]
 
 
 def test_nothing_is_written_over_a_folder(urdf: Path, tmp_path: Path) -> None:
