@@ -71,8 +71,8 @@ def add_recording(
     source = group.add_mutually_exclusive_group(required=required)
     source.add_argument(
         "--demos", type=Path, metavar="FILE", nargs="+" if several else None,
-        help="recorded demonstrations: .npy (N, T, columns), .npz, .csv with a column `demonstration`, or text "
-        "with any header, see --columns",
+        help="recorded demonstrations: .npy (N, T, columns), .npz, .csv with a column `demonstration`, a "
+        "folder of such .csv files, or text with any header, see --columns",
     )  # fmt: skip
     if bags:
         source.add_argument(

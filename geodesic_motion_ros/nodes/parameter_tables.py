@@ -403,7 +403,8 @@ TWIN = (
     Parameter(
         "command_timeout",
         0.2,
-        "Without a target pose for longer than this, the arm brakes and holds; a joint trajectory ends by itself",
+        "Without a target pose for longer than this, the arm brakes and holds; without a pose of the hand in free "
+        "drive, the hand has let go; a joint trajectory ends by itself",
         "s",
         0.02,
         10.0,
@@ -429,4 +430,13 @@ TWIN = (
     Parameter("spawn_at_start", False, "Spawn the spheres as soon as the twin starts"),
 )
 
-TABLES = {"planner": PLANNER, "twin": TWIN}
+RECORD = (
+    Parameter(
+        "folder",
+        "recordings",
+        "Where the takes of one task go, one file each; new ones are compared with those that stand there",
+    ),
+    Parameter("robot", "panda", "Whose joints are recorded, by their names in its URDF"),
+)
+
+TABLES = {"planner": PLANNER, "twin": TWIN, "record": RECORD}

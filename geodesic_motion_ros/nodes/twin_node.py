@@ -23,7 +23,7 @@ from rclpy.qos import QoSProfile
 from rclpy.time import Time
 from sensor_msgs.msg import Image, JointState
 from std_msgs.msg import Float64, UInt32
-from std_srvs.srv import Trigger
+from std_srvs.srv import SetBool, Trigger
 from trajectory_msgs.msg import JointTrajectory
 from visualization_msgs.msg import MarkerArray
 
@@ -70,6 +70,7 @@ _DEAF = 0.3
 # Changes of the topic that commands are logged at most once in this time [s]: two streams at once would fill the log.
 _QUIET = 0.2
 _POSES, _TRAJECTORIES, _POSTURES = "target_pose", "joint_trajectory", "target_posture"
+_HAND = "~/hand_pose"
 # A posture belongs to the poses with stamps that are no farther from its own [s].
 _SAME_TIME = 0.1
 _OBSTACLE_COLOUR = (0.85, 0.30, 0.20, 0.9)
@@ -90,6 +91,9 @@ class TwinNode(LoopingNode):
     if there is one, or `joint_trajectory`, whichever spoke last. Stamps of
     trajectories are of the node's clock; their rules are those of joint_trajectory_controller
     (`simulation/trajectory_player.py`). When the clock is set the arm brakes and holds.
+
+    In free drive (`~/free_drive`) it follows none of them: gravity is compensated, and a hand pulls the tool towards
+    the stream `~/hand_pose` by springs (`simulation/free_drive.py`).
 
     `~/contacts` counts the physics steps with contact between the arm and obstacles or the declared scene since the
     last reset, so that no contact is lost between messages; a warning names what is touched. `~/clearance` is the
@@ -154,6 +158,7 @@ class TwinNode(LoopingNode):
             (every["obstacle_rate"], self._publish_obstacles),
             (every["image_rate"], self._publish_image),
         ]
+        self.create_subscription(PoseStamped, _HAND, self._on_hand, qos)
         self._commands = (
             self.create_subscription(PoseStamped, _POSES, self._on_target, qos),
             self.create_subscription(JointTrajectory, _TRAJECTORIES, self._on_trajectory, qos),
@@ -161,6 +166,7 @@ class TwinNode(LoopingNode):
         self.create_subscription(JointState, _POSTURES, self._on_posture, qos)
         self.create_service(Trigger, "~/reset", self._on_reset)
         self.create_service(Trigger, "~/spawn_obstacles", self._on_spawn)
+        self.create_service(SetBool, "~/free_drive", self._on_free_drive)
         self.create_timer(1.0, self._look_for_rivals, clock=STEADY)
 
     def start(self) -> None:
@@ -238,8 +244,11 @@ class TwinNode(LoopingNode):
         if command is not None:
             self._obey(command, now)
         # a trajectory ends by itself
-        elif self._commander == _POSES and now - self._commanded_at > self._options["command_timeout"]:
-            self._world.hold()
+        elif now - self._commanded_at > self._options["command_timeout"]:
+            if self._commander == _POSES:
+                self._world.hold()
+            elif self._commander == _HAND:
+                self._world.let_go()
 
     def _obey(self, command: _Command, now: float) -> None:
         if now < self._deaf_until:
@@ -320,6 +329,10 @@ class TwinNode(LoopingNode):
             except RobotError as error:
                 raise MessageRefused(str(error)) from error
 
+    def _on_hand(self, message: PoseStamped) -> None:
+        with self._refusals.guard(_HAND):
+            self._ask(_Command(_HAND, partial(self._world.pull, *read_pose(message, self._frame))))
+
     def _on_trajectory(self, message: JointTrajectory) -> None:
         with self._refusals.guard(_TRAJECTORIES):
             waypoints = read_joint_trajectory(message, self._world.robot)
@@ -347,6 +360,10 @@ class TwinNode(LoopingNode):
     def _on_spawn(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         return self._refusals.answered("~/spawn_obstacles", response, partial(self._in_physics_thread, self._spawn))
 
+    def _on_free_drive(self, request: SetBool.Request, response: SetBool.Response) -> SetBool.Response:
+        work = self._begin_free_drive if request.data else self._end_free_drive
+        return self._refusals.answered("~/free_drive", response, partial(self._in_physics_thread, work))
+
     def _in_physics_thread(self, work: Callable[[], str]) -> str:
         done: Future[str] = Future()
         self._mailbox.put((work, done))
@@ -365,6 +382,14 @@ class TwinNode(LoopingNode):
             self._command = None
         self._commander, self._deaf_until = "", self._time.running() + _DEAF
         return "the arm is where it started, the spheres begin again, contacts count from zero"
+
+    def _begin_free_drive(self) -> str:
+        self._world.begin_free_drive()
+        return "the arm is in free drive: gravity is compensated, it goes where it is pulled and follows no command"
+
+    def _end_free_drive(self) -> str:
+        self._world.end_free_drive()
+        return "the motors hold the arm where it is"
 
     def _spawn(self) -> str:
         self._spheres = scripted_spheres(self._options["spheres"])

@@ -74,8 +74,6 @@ CURVE_SIGMA_FACTOR = 1.2
 
 #: Evasion targets are searched up to so many grid steps around, among so many nodes.
 EVASION_STEPS, EVASION_NODES = 30, 500
-#: Where obstacles are expected to be is taken at so many instants of the prediction for them.
-EVASION_INSTANTS = 7
 #: So many of them are tried, in directions of which any two have no larger cosine than this.
 EVASION_TARGETS, EVASION_COSINE = 4, 0.7
 #: Where no place on the graph is free of what comes within this time [s], the tool is displaced by up to so much [m],

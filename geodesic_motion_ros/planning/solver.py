@@ -203,7 +203,7 @@ class Solver:
         stop : the soonest stop from the state.
         """
         prediction = self.settings.prediction
-        reshaping = self._reshaping(query, obstacles.swept(prediction, constants.EVASION_INSTANTS))
+        reshaping = self._reshaping(query, obstacles.swept(prediction))
         apart = constants.DYNAMIC_MARGIN_FACTOR * self.settings.obstacle_margin
         for begin, first in self._evasion_begins(state, obstacles, stop):
             start = _latent_start(query, begin)

@@ -16,6 +16,7 @@ from geodesic_motion_ros.robot.description import DEFAULT_ROBOT, RobotDescriptio
 from geodesic_motion_ros.robot.inverse_kinematics import checked_pose, solve
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.simulation.camera import take_picture, view_named
+from geodesic_motion_ros.simulation.free_drive import FreeDrive
 from geodesic_motion_ros.simulation.joint_motion import JointMotion
 from geodesic_motion_ros.simulation.physics_client import PhysicsClient, PhysicsError
 from geodesic_motion_ros.simulation.target_stream import TargetStream
@@ -81,7 +82,7 @@ class ArmWorld:
         """Put the arm at rest: at joint positions (eta,) [rad], at a tool pose, or else at `robot.ready`.
 
         A tool pose (position, quaternion) goes through inverse kinematics. Obstacles and curves stay, time
-        starts again at zero.
+        starts again at zero. Free drive has ended.
 
         Raises
         ------
@@ -99,6 +100,8 @@ class ArmWorld:
         self._motion = JointMotion(self.robot, start)
         self._target: TargetStream | TrajectoryPlayer | None = None
         self._posture: np.ndarray | None = None
+        self._free: FreeDrive | None = None
+        self._hand: tuple[np.ndarray, np.ndarray] | None = None
         self._drive(start, np.zeros(len(start)))
         self._client.performCollisionDetection()
 
@@ -113,9 +116,10 @@ class ArmWorld:
 
         Raises
         ------
-        RobotError : the pose is not finite or beyond the arm's reach, or the posture is outside the joints' limits; the
-            target stays what it was.
+        RobotError : the pose is not finite or beyond the arm's reach, or the posture is outside the joints' limits, or
+            the arm is in free drive; the target stays what it was.
         """
+        self._refuse_in_free_drive()
         position, quaternion = checked_pose(position, quaternion)
         posture = None if posture is None else self.robot.checked(posture)
         if not self.robot.within_reach(position):
@@ -139,8 +143,10 @@ class ArmWorld:
 
         Raises
         ------
-        RobotError : it is of another number of joints, or ends in the past; the target stays what it was.
+        RobotError : it is of another number of joints, or ends in the past, or the arm is in free drive; the target
+            stays what it was.
         """
+        self._refuse_in_free_drive()
         joints = waypoints.positions.shape[1]
         if joints != len(self.robot.joint_names):
             raise RobotError(f"a trajectory of {joints} joints: expected {', '.join(self.robot.joint_names)}")
@@ -150,6 +156,38 @@ class ArmWorld:
             player = TrajectoryPlayer(self._motion.positions, self._motion.velocities)
         player.replace(waypoints, begin, self.time + self.clock_offset)
         self._target = player
+
+    def begin_free_drive(self) -> None:
+        """Compensate gravity and follow no target from now on: the arm goes where it is pulled (`free_drive.py`)."""
+        if self._free is None:
+            (tool,) = (link for link, name in self._link_names.items() if name == self.robot.tool_link)
+            self._free = FreeDrive(self._client, self.robot, self._arm, self._joints, tool)
+            self.hold()
+
+    def end_free_drive(self) -> None:
+        """Brake to rest from where the arm is, and hold there until the next target."""
+        if self._free is None:
+            return
+        self._free = self._hand = None
+        self._motion = JointMotion(self.robot, np.clip(self.joint_positions, self.robot.lower, self.robot.upper))
+        fastest = self.robot.velocity_limits
+        self._motion.velocities = np.clip(self.joint_velocities, -fastest, fastest)
+
+    def pull(self, position: np.ndarray, quaternion: np.ndarray) -> None:
+        """Let a hand draw the tool to a pose in free drive: (3,) [m], unit quaternion (4,), scalar first, base frame.
+
+        Raises
+        ------
+        RobotError : the pose is not finite, or the arm is not in free drive.
+        """
+        hand = checked_pose(position, quaternion)
+        if self._free is None:
+            raise RobotError("the arm is not in free drive: it is held by its motors")
+        self._hand = hand
+
+    def let_go(self) -> None:
+        """Pull no more."""
+        self._hand = None
 
     def hold(self) -> None:
         """Brake to rest inside the acceleration limits and stay there until the next target."""
@@ -169,6 +207,15 @@ class ArmWorld:
 
     def step(self) -> None:
         """Advance the world by `dt` [s]."""
+        if self._free is not None:
+            self._free.torque(self._hand)
+        else:
+            self._follow()
+        self._client.stepSimulation()
+        self.time += self.dt
+
+    def _follow(self) -> None:
+        """Turn the motors to where the target will be after a step, or to where the arm brakes."""
         before = self._motion.positions
         if self._target is None:
             self._motion.stop(self.dt)
@@ -180,8 +227,6 @@ class ArmWorld:
             self._motion.follow_joints(present, ahead, self.dt)
         # the motor adds its share of the position error to the velocity given: the error must be that of now
         self._drive(before, self._motion.velocities)
-        self._client.stepSimulation()
-        self.time += self.dt
 
     @property
     def joint_positions(self) -> np.ndarray:
@@ -324,6 +369,10 @@ class ArmWorld:
             self._turned[info[0]] = self._turned[info[16]] + (info[0] in self._joints)
         for index, position in self._beside.items():
             client.setJointMotorControl2(self._arm, index, client.POSITION_CONTROL, position, force=20.0)
+
+    def _refuse_in_free_drive(self) -> None:
+        if self._free is not None:
+            raise RobotError("the arm is in free drive, where it follows no target: end that first")
 
     def _drive(self, positions: np.ndarray, velocities: np.ndarray) -> None:
         count = len(positions)
