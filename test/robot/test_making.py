@@ -108,13 +108,13 @@ def test_what_does_not_fit_is_named(urdf: Path, tmp_path: Path, before: str, aft
 
 def test_what_turns_just_above_its_table_is_covered_finely(urdf: Path, tmp_path: Path) -> None:
     """Spheres of a thick mast stick out of it by half. The control: with room below, by more than that."""
-    lowest = {}
-    for height in (0.005, 0.1):
-        text = ARM.replace('radius="0.03" length="0.2"', 'radius="0.07" length="0.2"')
-        urdf.write_text(text.replace('"mast"/><origin xyz="0 0 0.1"/>', f'"mast"/><origin xyz="0 0 {height}"/>'))
-        made = make_robot(urdf, "foot", "hook", tmp_path / str(height), LIMITS, ready=(0.0, 1.0, 1.5, 0.0))
-        lowest[height] = np.min(made.spheres["mast"][:, 2] - made.spheres["mast"][:, 3])
-    assert lowest[0.1] < -0.5 * PROTRUSION - 0.002 < lowest[0.005]
+    below = {}
+    for middle in (-0.055, 0.1):
+        mast = f'<origin xyz="0 0 {middle}"/><geometry><cylinder radius="0.05" length="0.08"/>'
+        urdf.write_text(ARM.replace('<origin xyz="0 0 0.1"/><geometry><cylinder radius="0.03" length="0.2"/>', mast))
+        made = make_robot(urdf, "foot", "hook", tmp_path / str(middle), LIMITS, ready=(0.0, 1.0, 1.5, 0.0))
+        below[middle] = np.min(made.spheres["mast"][:, 2] - made.spheres["mast"][:, 3]) - (middle - 0.04)
+    assert below[0.1] < -0.5 * PROTRUSION - 0.002 < below[-0.055]
 
 
 def test_nothing_is_written_over_a_folder(urdf: Path, tmp_path: Path) -> None:
