@@ -10,8 +10,8 @@ from geodesic_motion_ros.utils.errors import ParameterError
 
 _DESCRIPTION = """\
 Make the folder that a robot is to this package, out of a URDF (run xacro first where it is one): its collision bodies
-are covered with spheres, pairs that can meet are drawn, a ready posture is proposed. Look at the picture, then name the
-folder in the place of a robot's name: `train --robot DIR`.
+are cut into convex parts and covered with spheres, pairs that can meet are drawn, a ready posture is proposed. Look at
+the picture, then name the folder in the place of a robot's name: `train --robot DIR`.
 """
 _EPILOG = """\
 examples:
@@ -87,8 +87,6 @@ def run(arguments: argparse.Namespace) -> None:
     for pair in made.pairs:
         touching, overlapping = 100.0 * pair.touching, 100.0 * pair.overlapping
         chosen = "" if pair.spheres is None else f", {len(pair.spheres)} pairs of spheres chosen"
-        if touching > 5.0:
-            chosen += "; if they do not really: the hull of a mesh is larger than the mesh, cut it into convex parts"
         print(
             f"kept apart: {' and '.join(pair.links)}; in the postures drawn their bodies nearly touch in "
             f"{touching:.1f} %, their spheres overlap in {overlapping:.1f} %{chosen}"

@@ -1,8 +1,8 @@
 """What an arm collides with, out of its URDF: convex bodies, each fixed to a link of the chain.
 
 Meshes are read from STL (binary or ASCII) and OBJ files; of boxes, cylinders and spheres points are taken that hold
-them. Every body stands for its convex hull. Links beside the chain, as fingers, belong to the link that carries them,
-their joints at given positions (mimic joints follow theirs).
+them. Every body stands for its convex hull; what is not convex is cut before (`convex_parts`). Links beside the chain,
+as fingers, belong to the link that carries them, their joints at given positions (mimic joints follow theirs).
 """
 
 from __future__ import annotations
@@ -10,6 +10,7 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass
+from itertools import pairwise
 from pathlib import Path
 from xml.etree import ElementTree
 
@@ -34,13 +35,11 @@ class Body:
     name : its link in the URDF.
     link : the link of the chain that carries it: the same, or the one that it is mounted on.
     vertices : (V, 3) [m] in the frame of `link`.
-    mesh : the file that it was read from; None for a primitive.
     """
 
     name: str
     link: str
     vertices: np.ndarray
-    mesh: Path | None
 
 
 def collision_bodies(robot: Robot, beside: Mapping[str, float] | None = None) -> tuple[Body, ...]:
@@ -68,10 +67,10 @@ def collision_bodies(robot: Robot, beside: Mapping[str, float] | None = None) ->
             continue
         carrier, rotation, origin = carried
         for collision in link.findall("collision"):
-            vertices, mesh = _vertices(collision, link.get("name"), robot.urdf)
+            vertices = _vertices(collision, link.get("name"), robot.urdf)
             turned, offset = read_origin(collision, f"a collision body of link '{link.get('name')}'")
             in_link = vertices @ turned.T + offset
-            found.append(Body(link.get("name"), carrier, in_link @ rotation.T + origin, mesh))
+            found.append(Body(link.get("name"), carrier, in_link @ rotation.T + origin))
     if not found:
         raise RobotError(f"{robot.urdf.name} has no <collision> on the chain: spheres need meshes or shapes")
     order = robot.link_names.index
@@ -97,25 +96,44 @@ def mesh_path(name: str, urdf: Path) -> Path:
 
 
 def read_mesh(path: Path) -> np.ndarray:
-    """Vertices (V, 3) of an STL or OBJ file, in its units. RobotError: another format, or none in it."""
+    """Triangles (T, 3, 3) of an STL or OBJ file, in its units. RobotError: another format, or no body in it."""
     content, kind = path.read_bytes(), path.suffix.lower()
     try:
         if kind == ".obj":
-            lines = content.decode(errors="replace").splitlines()
-            rows = [line.split()[1:4] for line in lines if line.startswith("v ")]
-            vertices = np.array(rows, dtype=float)
+            triangles = _obj_triangles(content.decode(errors="replace"))
         elif kind == ".stl" and len(content) == 84 + 50 * int.from_bytes(content[80:84], "little"):
-            vertices = np.frombuffer(content[84:], _STL_TRIANGLE)["vertices"].reshape(-1, 3).astype(float)
+            triangles = np.frombuffer(content[84:], _STL_TRIANGLE)["vertices"].astype(float)
         elif kind == ".stl":
             rows = re.findall(r"vertex\s+(\S+)\s+(\S+)\s+(\S+)", content.decode(errors="replace"))
-            vertices = np.array(rows, dtype=float)
+            triangles = np.array(rows, dtype=float).reshape(-1, 3, 3)
         else:
             raise RobotError(f"mesh {path} is of the format {kind or 'unknown'}: convert it to STL or OBJ")
-    except ValueError as error:
+    except (ValueError, IndexError) as error:
         raise RobotError(f"mesh {path} cannot be read: {error}") from error
-    if vertices.ndim != 2 or len(vertices) < 4 or not np.all(np.isfinite(vertices)):
-        raise RobotError(f"mesh {path} holds no body: at least four finite vertices are needed")
-    return np.unique(vertices, axis=0)
+    if len(triangles) < 2 or not np.all(np.isfinite(triangles)):
+        raise RobotError(f"mesh {path} holds no body: it has {len(triangles)} triangles, or one that is not finite")
+    return triangles
+
+
+def write_mesh(triangles: np.ndarray, path: Path) -> None:
+    """Triangles (T, 3, 3) as a binary STL file."""
+    rows = np.zeros(len(triangles), dtype=_STL_TRIANGLE)
+    rows["vertices"] = triangles
+    path.write_bytes(bytes(80) + len(rows).to_bytes(4, "little") + rows.tobytes())
+
+
+def _obj_triangles(text: str) -> np.ndarray:
+    """Triangles (T, 3, 3) of the faces of an OBJ file; corners count from 1, or back from the last vertex so far."""
+    vertices: list[list[float]] = []
+    corners: list[tuple[int, int, int]] = []
+    for word, *rest in filter(None, map(str.split, text.splitlines())):
+        if word == "v":
+            vertices.append([float(value) for value in rest[:3]])
+        elif word == "f":
+            numbers = [int(corner.partition("/")[0]) for corner in rest]
+            face = [number - 1 if number > 0 else len(vertices) + number for number in numbers]
+            corners += [(face[0], one, other) for one, other in pairwise(face[1:])]
+    return np.array(vertices).reshape(-1, 3)[np.array(corners, dtype=int).reshape(-1, 3)]
 
 
 def _carried(
@@ -150,28 +168,29 @@ def _displacement(joint: ElementTree.Element, positions: Mapping[str, float]) ->
     return Rotation.from_rotvec(position * axis).as_matrix(), np.zeros(3)
 
 
-def _vertices(collision: ElementTree.Element, link: str, urdf: Path) -> tuple[np.ndarray, Path | None]:
-    """Vertices (V, 3) [m] of a collision body in its own frame, and the file of its mesh."""
+def _vertices(collision: ElementTree.Element, link: str, urdf: Path) -> np.ndarray:
+    """Vertices (V, 3) [m] of a collision body in its own frame."""
     geometry = collision.find("geometry")
     shape = None if geometry is None or not len(geometry) else geometry[0]
     subject = f"a collision body of link '{link}'"
     if shape is None:
         raise RobotError(f"{subject} has no geometry")
     if shape.tag == "mesh":
-        path = mesh_path(shape.get("filename", ""), urdf)
-        return read_mesh(path) * read_floats(shape.get("scale", "1 1 1"), 3, f"scale of {subject}"), path
+        triangles = read_mesh(mesh_path(shape.get("filename", ""), urdf))
+        vertices = np.unique(triangles.reshape(-1, 3), axis=0)
+        return vertices * read_floats(shape.get("scale", "1 1 1"), 3, f"scale of {subject}")
     signs = np.stack(np.meshgrid(*[[-1.0, 1.0]] * 3, indexing="ij"), axis=-1).reshape(-1, 3)
     if shape.tag == "box":
-        return 0.5 * signs * read_floats(shape.get("size", ""), 3, f"size of {subject}"), None
+        return 0.5 * signs * read_floats(shape.get("size", ""), 3, f"size of {subject}")
     (radius,) = read_floats(shape.get("radius", ""), 1, f"radius of {subject}")
     if shape.tag == "sphere":
         around = np.random.default_rng(0).normal(size=(400, 3))
         # 400 directions: a hull 3 % larger than the sphere holds it
-        return 1.03 * radius * around / np.linalg.norm(around, axis=1, keepdims=True), None
+        return 1.03 * radius * around / np.linalg.norm(around, axis=1, keepdims=True)
     if shape.tag in ("cylinder", "capsule"):
         (length,) = read_floats(shape.get("length", ""), 1, f"length of {subject}")
         half = 0.5 * length + (radius if shape.tag == "capsule" else 0.0)
         angles = 2.0 * np.pi * np.arange(SIDES) / SIDES
         ring = radius / np.cos(np.pi / SIDES) * np.column_stack([np.cos(angles), np.sin(angles)])
-        return np.concatenate([np.column_stack([ring, np.full(SIDES, end)]) for end in (-half, half)]), None
+        return np.concatenate([np.column_stack([ring, np.full(SIDES, end)]) for end in (-half, half)])
     raise RobotError(f"{subject} is a <{shape.tag}>: known are mesh, box, cylinder, sphere and capsule")

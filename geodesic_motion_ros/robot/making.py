@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import shutil
 from collections.abc import Mapping, Sequence
+from copy import deepcopy
 from dataclasses import dataclass
 from pathlib import Path
 from xml.etree import ElementTree
@@ -11,8 +12,9 @@ from xml.etree import ElementTree
 import numpy as np
 import yaml
 
-from geodesic_motion_ros.robot.collision_bodies import Body, collision_bodies, mesh_path
+from geodesic_motion_ros.robot.collision_bodies import Body, collision_bodies, mesh_path, read_mesh, write_mesh
 from geodesic_motion_ros.robot.collision_model import CollisionModel, self_clearance
+from geodesic_motion_ros.robot.convex_parts import convex_parts
 from geodesic_motion_ros.robot.description import FILE
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.robot.self_pairs import LinkPair, draw_self_pairs
@@ -84,35 +86,28 @@ def make_robot(
     """
     if out.exists() and any(out.iterdir()):
         raise ParameterError(f"{out} exists and is not empty: give another folder")
-    robot = Robot.from_urdf(urdf, base_link, tool_link)
-    bodies = collision_bodies(robot, beside)
-    spheres = cover_bodies(robot, bodies)
-    posture = None if ready is None else robot.checked(np.array(ready))
+    source = Robot.from_urdf(urdf, base_link, tool_link)
+    posture = None if ready is None else source.checked(np.array(ready))
     out.mkdir(parents=True, exist_ok=True)
     try:
-        pairs = _write(robot, bodies, spheres, posture, limits, out, name or out.name, beside or {})
+        return _write(source, out, limits, name or out.name, posture, beside or {})
     except BaseException:
         shutil.rmtree(out)
         raise
-    return MadeRobot(out, bodies, spheres, pairs)
 
 
 def _write(
-    robot: Robot,
-    bodies: Sequence[Body],
-    spheres: Mapping[str, np.ndarray],
-    posture: np.ndarray | None,
-    limits: Limits,
-    out: Path,
-    name: str,
-    beside: Mapping[str, float],
-) -> tuple[LinkPair, ...]:
-    """Write the files of a folder; returns the pairs that are kept apart."""
-    urdf = out / robot.urdf.name
-    _write_urdf(robot, urdf)
-    _write_limits(robot, limits, out / "joint_limits.yaml")
+    source: Robot, out: Path, limits: Limits, name: str, posture: np.ndarray | None, beside: Mapping[str, float]
+) -> MadeRobot:
+    """Write the files of a folder; spheres and pairs are those of the bodies in it."""
+    urdf = out / source.urdf.name
+    _write_urdf(source.urdf, urdf)
+    _write_limits(source, limits, out / "joint_limits.yaml")
+    robot = Robot.from_urdf(urdf, source.base_link, source.tool_link)
+    bodies = collision_bodies(robot, beside)
+    spheres = cover_bodies(robot, bodies)
     pairs = draw_self_pairs(robot, spheres, bodies)
-    (out / "spheres.yaml").write_text(_spheres_text(bodies, spheres, pairs))
+    (out / "spheres.yaml").write_text(_spheres_text(spheres, pairs))
     model = CollisionModel.load(out / "spheres.yaml", robot)
     posture = propose_ready(robot, model) if posture is None else posture
     clearance, (one, other) = self_clearance(model, robot, posture)
@@ -126,16 +121,26 @@ def _write(
     if beside:
         described["simulation"] = {"joints": {joint: float(value) for joint, value in beside.items()}}
     (out / FILE).write_text(yaml.safe_dump(described, sort_keys=False, default_flow_style=None, width=110))
-    return pairs
+    return MadeRobot(out, bodies, spheres, pairs)
 
 
 def cover_bodies(robot: Robot, bodies: Sequence[Body]) -> dict[str, np.ndarray]:
-    """Spheres (S, 4) [m] by link, base first, that hold all bodies."""
+    """Spheres (S, 4) [m] by link, base first, that hold all bodies.
+
+    A body that the first joint alone turns is as high above what the arm stands on, z = 0, in every posture: where its
+    spheres are lower than that, and it is not, finer ones are taken.
+    """
     turned = np.append(0, np.cumsum(robot.chain[3] >= 0))
+    rotations, origins = robot.link_frames(robot.ready)
     found: dict[str, list[np.ndarray]] = {}
     for body in bodies:
-        last = turned[robot.link_names.index(body.link)] == turned[-1]
-        found.setdefault(body.link, []).append(_covered(body, HAND_PROTRUSION if last else PROTRUSION))
+        link = robot.link_names.index(body.link)
+        protrusion = HAND_PROTRUSION if turned[link] == turned[-1] else PROTRUSION
+        rows = _covered(body, protrusion)
+        up, height = rotations[link][2], origins[link][2]
+        if turned[link] == 1 and np.min(rows[:, :3] @ up - rows[:, 3]) < -height < np.min(body.vertices @ up):
+            rows = _covered(body, 0.5 * protrusion)
+        found.setdefault(body.link, []).append(rows)
     return {link: np.concatenate(rows) for link, rows in found.items()}
 
 
@@ -183,30 +188,46 @@ def _outside(points: np.ndarray, spheres: np.ndarray) -> np.ndarray:
     return gaps.min(axis=1)
 
 
-def _write_urdf(robot: Robot, path: Path) -> None:
-    """The URDF without what is not used here, meshes for the eye but those that collide, files beside it."""
-    root = read_urdf(robot.urdf)
+def _write_urdf(source: Path, path: Path) -> None:
+    """The URDF without what is not used here. Its meshes are those that collide, in convex parts, for the eye too."""
+    root = read_urdf(source)
     for extra in [child for child in root if child.tag not in ("link", "joint")]:
         root.remove(extra)
     for link in root.findall("link"):
         for visual in link.findall("visual"):
             link.remove(visual)
-        if link.find("inertial") is None and link.find("collision") is None:
+        collisions = link.findall("collision")
+        if link.find("inertial") is None and not collisions:
             # a frame alone; simulators take what says nothing for a kilogramme
             link.append(ElementTree.fromstring(_FRAME_INERTIA))
-        for collision in link.findall("collision"):
-            mesh = collision.find("geometry/mesh")
-            if mesh is not None:
-                source = mesh_path(mesh.get("filename", ""), robot.urdf)
-                target = path.parent / "meshes" / source.name
-                target.parent.mkdir(exist_ok=True)
-                shutil.copyfile(source, target)
-                mesh.set("filename", f"meshes/{source.name}")
-            shown = ElementTree.fromstring(ElementTree.tostring(collision))
-            shown.tag = "visual"
-            link.append(shown)
+        for collision in collisions:
+            link.remove(collision)
+            for part in _convex(collision, source, path.parent / "meshes"):
+                shown = deepcopy(part)
+                shown.tag = "visual"
+                link.extend((part, shown))
     ElementTree.indent(root)
     path.write_text(f'<?xml version="1.0"?>\n{ElementTree.tostring(root, encoding="unicode")}\n')
+
+
+def _convex(collision: ElementTree.Element, urdf: Path, meshes: Path) -> list[ElementTree.Element]:
+    """A collision body, or one for each convex part of its mesh, whose files are in a folder `meshes` then."""
+    mesh = collision.find("geometry/mesh")
+    if mesh is None:
+        return [collision]
+    source = mesh_path(mesh.get("filename", ""), urdf)
+    meshes.mkdir(exist_ok=True)
+    try:
+        parts = convex_parts(read_mesh(source))
+    except ValueError as error:
+        raise RobotError(f"mesh {source} holds no body: {error}") from error
+    found = []
+    for number, triangles in enumerate(parts, start=1):
+        file = meshes / (f"{source.stem}.stl" if len(parts) == 1 else f"{source.stem}_{number}.stl")
+        write_mesh(triangles, file)
+        found.append(deepcopy(collision))
+        found[-1].find("geometry/mesh").set("filename", f"{meshes.name}/{file.name}")
+    return found
 
 
 def _write_limits(robot: Robot, limits: Limits, path: Path) -> None:
@@ -219,7 +240,7 @@ def _write_limits(robot: Robot, limits: Limits, path: Path) -> None:
     path.write_text(f"# Accelerations [rad/s^2], jerks [rad/s^3], velocities [rad/s]. From: {limits.source}\n{text}")
 
 
-def _spheres_text(bodies: Sequence[Body], spheres: Mapping[str, np.ndarray], pairs: Sequence[LinkPair]) -> str:
+def _spheres_text(spheres: Mapping[str, np.ndarray], pairs: Sequence[LinkPair]) -> str:
     lines = ["# Spheres that hold the collision bodies, made by `geodesic-motion robot`.", "spheres:"]
     for link, rows in spheres.items():
         lines.append(f"  {link}:  # [x, y, z, radius] [m] in its frame")

@@ -79,7 +79,7 @@ class ArmWorld:
         joint_positions: np.ndarray | None = None,
         tool_pose: tuple[np.ndarray, np.ndarray] | None = None,
     ) -> None:
-        """Put the arm at rest: at joint positions (7,) [rad], at a tool pose, or else at `robot.ready`.
+        """Put the arm at rest: at joint positions (eta,) [rad], at a tool pose, or else at `robot.ready`.
 
         A tool pose (position, quaternion) goes through inverse kinematics. Obstacles and curves stay, time
         starts again at zero. Free drive has ended.
@@ -110,7 +110,7 @@ class ArmWorld:
     ) -> None:
         """Follow a tool pose from now on: (3,) [m] and unit quaternion (4,), scalar first, base frame.
 
-        posture : (7,) [rad] the configuration that is to hold it; None: one that is drawn gently to `Robot.ready`.
+        posture : (eta,) [rad] the configuration that is to hold it; None: one that is drawn gently to `Robot.ready`.
 
         To be called at a steady rate, as 100 Hz: in between the target moves on with the stream's velocity.
 
@@ -230,17 +230,17 @@ class ArmWorld:
 
     @property
     def joint_positions(self) -> np.ndarray:
-        """Measured joint positions (7,) [rad]."""
+        """Measured joint positions (eta,) [rad]."""
         return np.array([state[0] for state in self._client.getJointStates(self._arm, self._joints)])
 
     @property
     def joint_velocities(self) -> np.ndarray:
-        """Measured joint velocities (7,) [rad/s]."""
+        """Measured joint velocities (eta,) [rad/s]."""
         return np.array([state[1] for state in self._client.getJointStates(self._arm, self._joints)])
 
     @property
     def commanded_positions(self) -> np.ndarray:
-        """Joint positions (7,) [rad] that the motors are to reach by now."""
+        """Joint positions (eta,) [rad] that the motors are to reach by now."""
         return self._motion.positions.copy()
 
     def tool_pose(self) -> tuple[np.ndarray, np.ndarray]:
