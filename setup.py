@@ -6,7 +6,7 @@ from setuptools import find_packages, setup
 
 NAME = "geodesic_motion_ros"
 #: The programs that `ros2 run` starts, and the folders where they begin.
-EXECUTABLES = {"planner": "nodes", "twin": "nodes", "demo": "demo"}
+EXECUTABLES = {"planner": "nodes", "twin": "nodes", "record": "nodes", "demo": "demo"}
 #: What `geodesic-motion timing` compares the search with.
 PEER_LIBRARIES = ["igraph", "networkit", "networkx"]
 SHARE = Path("share") / NAME
@@ -30,7 +30,10 @@ setup(
     author_email="maintainers@example.org",
     license="Apache-2.0",
     packages=find_packages(include=[NAME, f"{NAME}.*"]),
-    package_data={f"{NAME}.planning": ["kernels.json"], f"{NAME}.robot": ["*.urdf", "*.yaml"]},
+    package_data={
+        f"{NAME}.planning": ["kernels.json"],
+        f"{NAME}.robot": ["*.urdf", "robots/*/*", "robots/*/meshes/*"],
+    },
     python_requires=">=3.10",
     # rclpy and the message packages stay out of here: on a machine with ROS they are the system's, and pip
     # must not add a second set. Without a system ROS, the extra `ros` brings them.

@@ -182,7 +182,7 @@ def reaches(count_per_family: int, connected: bool, seed: int = 0) -> JointDemon
     """Reaches to grasp in two families, elbow out to the left or to the right: as commanded, without physics."""
     from geodesic_motion_ros.simulation.joint_teacher import configurations, reach_guidances
 
-    robot = Robot.panda()
+    robot = Robot.named("panda")
     items = [
         JointDemonstration(configurations(robot, guidance), guidance.motion.times, guidance.motion.name)
         for guidance in reach_guidances(count_per_family, seed, families=2, connected=connected)
@@ -209,14 +209,15 @@ def reach_skill(stored, reach_demonstrations: JointDemonstrations) -> Skill:
     from geodesic_motion_ros.learning.settings import JointTrainingSettings
 
     settings = JointTrainingSettings(batch=128, **SMALL)
-    return stored("reach", lambda: train_joint_space_skill(reach_demonstrations, Robot.panda(), settings, name="reach"))
+    robot = Robot.named("panda")
+    return stored("reach", lambda: train_joint_space_skill(reach_demonstrations, robot, settings, name="reach"))
 
 
 class Motions:
     """Random motions of a Panda that begin at rest, and what every motion must keep."""
 
     def __init__(self) -> None:
-        self.robot = Robot.panda()
+        self.robot = Robot.named("panda")
         self.limits = JointLimits.of(self.robot)
 
     def inside(self, path: np.ndarray) -> bool:

@@ -87,7 +87,7 @@ def test_a_skill_with_an_altered_file_is_sound_or_refused(name, shipped, tmp_pat
 
 
 def write_joints(file: Path) -> None:
-    robot = Robot.panda()
+    robot = Robot.named("panda")
     arrays = {"configurations": np.tile(robot.ready, (2, 20, 1)), "joint_names": np.array(robot.joint_names)}
     np.savez(file, **arrays, names=np.array(["left", "right"]), robot=np.array("panda"))
 

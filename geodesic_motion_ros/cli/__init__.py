@@ -13,7 +13,7 @@ import sys
 from collections.abc import Iterable, Sequence
 from typing import Protocol
 
-from geodesic_motion_ros.cli import demo, demonstrate, goal, inspect, train
+from geodesic_motion_ros.cli import demo, demonstrate, goal, guide, inspect, robot, train
 from geodesic_motion_ros.cli.arguments import HelpFormatter
 from geodesic_motion_ros.planning.kernels import compile_kernels
 from geodesic_motion_ros.utils.errors import GeodesicMotionError
@@ -21,8 +21,8 @@ from geodesic_motion_ros.utils.errors import GeodesicMotionError
 _DESCRIPTION = """\
 Reactive robot motion learned from demonstrations: a skill is a latent space whose shortest paths are the motion.
 
-From first to last: record a few demonstrations, or let a simulated arm `demonstrate`; `train` a skill on them, look at
-it with `inspect`, and run `demo` to see an arm do it around an obstacle.
+From first to last: record a few demonstrations, or let a simulated arm `demonstrate` or `guide` it; `train` a skill on
+them, look at it with `inspect`, and run `demo` to see an arm do it around an obstacle.
 """
 _EXAMPLES = (
     "demonstrate reach-to-grasp --out reach.npz",
@@ -47,7 +47,7 @@ class Command(Protocol):
         """Add it to the parser; it sets `run`, a function of the parsed arguments."""
 
 
-COMMANDS: tuple[Command, ...] = (demonstrate, train, inspect, demo, goal)
+COMMANDS: tuple[Command, ...] = (demonstrate, guide, train, inspect, demo, goal, robot)
 
 
 def build_parser(

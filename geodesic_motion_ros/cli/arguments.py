@@ -25,6 +25,7 @@ from geodesic_motion_ros.demonstrations.recorded_tables import DEFAULT_COLUMNS, 
 from geodesic_motion_ros.demonstrations.recordings import Recording
 from geodesic_motion_ros.demonstrations.splitting import PAUSE, Split
 from geodesic_motion_ros.demonstrations.text_tables import of_poses, parse_mapping
+from geodesic_motion_ros.robot.description import DEFAULT_ROBOT
 from geodesic_motion_ros.utils.errors import GeodesicMotionError, ParameterError
 
 if TYPE_CHECKING:
@@ -32,7 +33,7 @@ if TYPE_CHECKING:
 
 
 #: Of recordings, by the space that is learned from them.
-RECORDING_OPTIONS = {"task": ("units", "columns"), "joint": ("robot",)}
+RECORDING_OPTIONS = {"task": ("units", "columns"), "joint": ()}
 _RECORDINGS = {"task": "recordings of the tool", "joint": "recordings of joints"}
 
 
@@ -70,8 +71,8 @@ def add_recording(
     source = group.add_mutually_exclusive_group(required=required)
     source.add_argument(
         "--demos", type=Path, metavar="FILE", nargs="+" if several else None,
-        help="recorded demonstrations: .npy (N, T, columns), .npz, .csv with a column `demonstration`, or text "
-        "with any header, see --columns",
+        help="recorded demonstrations: .npy (N, T, columns), .npz, .csv with a column `demonstration`, a "
+        "folder of such .csv files, or text with any header, see --columns",
     )  # fmt: skip
     if bags:
         source.add_argument(
@@ -105,7 +106,8 @@ def add_formats(group: argparse._ArgumentGroup, required: bool = False, joints: 
             help="what the file holds: poses of the tool, or configurations of the whole arm [rad]; without it as the "
             "file says of itself",
         )  # fmt: skip
-        group.add_argument("--robot", help="whose joints were recorded; panda without it")
+        group.add_argument("--robot", help="that was recorded, or is to do it: the name of a shipped one, or "
+            f"the path of a folder that `geodesic-motion robot` made; {DEFAULT_ROBOT} without it")
 
 
 def add_bag_options(group: argparse._ArgumentGroup) -> None:
@@ -149,7 +151,7 @@ def read_recorded(
         if arguments.units not in (None, "m"):
             raise ParameterError(f"--units {arguments.units}: messages have metres, nothing is scaled")
         how = Split.parse(arguments.split, arguments.pause, arguments.first)
-        recording = Recording.of_bags(paths, arguments.topic, how, arguments.robot or "panda")
+        recording = Recording.of_bags(paths, arguments.topic, how, arguments.robot or DEFAULT_ROBOT)
         space = "joint" if recording.robot else "task"
         if arguments.space not in (None, space):
             raise ParameterError(f"--space {arguments.space}: {paths[0]} has {_RECORDINGS[space]}")
@@ -163,7 +165,7 @@ def read_recorded(
         options = options | {"task": tuple(name for name in options["task"] if name != "columns")}
     refuse_other_space(arguments, space, options, path)
     if space == "joint":
-        robot = arguments.robot or "panda"
+        robot = arguments.robot or DEFAULT_ROBOT
         takes = joint_takes(path, robot, arguments.rate, columns)
     else:
         robot = ""
@@ -211,7 +213,7 @@ def _units(arguments: argparse.Namespace, path: Path) -> Literal["m", "cm", "mm"
 
 def read_joint_recording(arguments: argparse.Namespace, path: Path) -> JointDemonstrations:
     """The joints of one file, as they are; DemonstrationError says what is wrong with it."""
-    return read_joint_demonstrations(path, arguments.robot or "panda", arguments.rate)
+    return read_joint_demonstrations(path, arguments.robot or DEFAULT_ROBOT, arguments.rate)
 
 
 Demonstrated = TypeVar("Demonstrated", Demonstrations, JointDemonstrations)

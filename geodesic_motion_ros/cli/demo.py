@@ -7,7 +7,7 @@ import argparse
 from geodesic_motion_ros.cli.arguments import HelpFormatter, needing
 
 _DESCRIPTION = """\
-A simulated Panda does a shipped skill three times over real ROS 2: without an obstacle, with one that moves into the
+A simulated arm does a shipped skill three times over real ROS 2: without an obstacle, with one that moves into the
 elbow's or the hand's path and avoidance off, and with the same one and avoidance on. Prints a table; pictures and
 summary.json go to out/demo.
 """

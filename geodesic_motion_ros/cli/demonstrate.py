@@ -24,7 +24,7 @@ OF_THE_TOOL = ("pouring", "passing")
 DEFAULT_FAMILIES = 3
 
 _DESCRIPTION = """\
-A scripted teacher guides a simulated Panda through a task, each time a little differently; what the arm did is written
+A scripted teacher guides a simulated arm through a task, each time a little differently; what the arm did is written
 to a file. For trying things out without a recording: a person varies in respects that are not modelled.
 """
 _EPILOG = """\

@@ -22,7 +22,9 @@ from geodesic_motion_ros.cli.arguments import (
 )
 from geodesic_motion_ros.cli.report import write_report
 from geodesic_motion_ros.demonstrations.bags import is_bag
+from geodesic_motion_ros.demonstrations.recorded_tables import files_in
 from geodesic_motion_ros.geometry.quaternions import angle_between
+from geodesic_motion_ros.skill.description import DESCRIPTION
 from geodesic_motion_ros.utils.errors import ParameterError
 from geodesic_motion_ros.utils.tables import text_table, write_json
 
@@ -37,8 +39,9 @@ Shows what a skill holds: what it was learned from, how well, where it begins an
 and from which thresholds on the planner refuses a path. Writes the picture of its latent space; that of a joint-space
 skill has a geodesic around an obstacle on the arm besides. With --html all that is known of it is on one page.
 
-Of a recording (whatever `train` reads: a bag, .csv, .npy, .npz) it shows the demonstrations and everything that is
-wrong with them, each with its time and what `train` does about it; the picture has positions over time.
+Of a recording (whatever `train` reads: a bag, .csv or a folder of them, .npy, .npz) it shows the demonstrations and
+everything that is wrong with them, each with its time and what `train` does about it; the picture has positions over
+time.
 """
 _EPILOG = """\
 examples:
@@ -46,6 +49,7 @@ examples:
   geodesic-motion inspect skills/pouring --json out/pouring.json --picture out/pouring.png
   geodesic-motion inspect skills/pouring --html out/pouring.html
   geodesic-motion inspect pouring.npy --units cm
+  geodesic-motion inspect recordings                    a folder written by the node `record`
   geodesic-motion inspect reach_bag --topic /joint_states
   geodesic-motion inspect monday.mcap --topic /tf:panda_link0:panda_hand --split /mark
 """
@@ -58,8 +62,9 @@ def add_command(commands: argparse._SubParsersAction) -> None:
         description=_DESCRIPTION, epilog=_EPILOG, formatter_class=HelpFormatter,
     )  # fmt: skip
     parser.add_argument(
-        "skill", metavar="SKILL", help="its folder, or the name of a shipped one; or a recording: a file, or a bag"
-    )
+        "skill", metavar="SKILL",
+        help="its folder, or the name of a shipped one; or a recording: a file, a folder of .csv files, or a bag",
+    )  # fmt: skip
     parser.add_argument(
         "--picture", type=Path, metavar="FILE", help="where its picture goes; without it out/inspect/NAME.png"
     )
@@ -81,7 +86,8 @@ def run(arguments: argparse.Namespace) -> None:
     writable(arguments.json)
     writable(arguments.html)
     path = Path(arguments.skill)
-    if is_bag(path) or path.suffix.lower() in _FILES:
+    tables = files_in(path) and not (path / DESCRIPTION).exists()
+    if is_bag(path) or path.suffix.lower() in _FILES or tables:
         if arguments.html is not None:
             raise ParameterError(f"--html is of skills, {path} is a recording: `train` writes one of what it learns")
         run_recording(arguments, path)

@@ -78,6 +78,7 @@ examples:
   geodesic-motion train --demos pouring.npy --units cm --held-out 0,3,6 --out skills/pouring_036 --json out/036.json
   geodesic-motion train --demos reach.csv --units m --columns t,px,py,pz,qx,qy,qz,qw --out skills/reach
   geodesic-motion train --demos reach.npz --space joint --out skills/reach
+  geodesic-motion train --demos recordings --out skills/reach
   geodesic-motion train --demos log.txt --units m --columns t=stamp,px=x,py=y,pz=z --out skills/reach
 
 from bags, recorded in one go with a standstill before and after each demonstration, or marked by a topic:
@@ -280,7 +281,7 @@ def _note_the_recording(demonstrations: Demonstrations, extent: float, space: st
 
 def _report_orientations(arguments: argparse.Namespace, demonstrations: Demonstrations) -> None:
     """Print the order in which quaternions were read and how the tool points then; ask where that looks wrong."""
-    by_name = arguments.demos.suffix.lower() in (".csv", ".txt")
+    by_name = arguments.demos.suffix.lower() in (".csv", ".txt") or arguments.demos.is_dir()
     if by_name:
         order = "the names of the columns say"
     else:

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 from geodesic_motion_ros.cli.arguments import RECORDING_OPTIONS, given
+from geodesic_motion_ros.robot.description import DEFAULT_ROBOT, RobotDescription
 
 if TYPE_CHECKING:
     from geodesic_motion_ros.demonstrations.demonstrations import Demonstrations
@@ -40,6 +41,7 @@ class TaskTraining:
     demonstrations: Demonstrations
     held_out: tuple[int, ...]
     settings: TrainingSettings
+    robot: str
 
     @classmethod
     def from_arguments(
@@ -51,7 +53,9 @@ class TaskTraining:
         settings_of = TrainingSettings.paper if arguments.paper else TrainingSettings
         metric = replace(settings_of().metric, **given(arguments, "sigma_weight", "orientation_scale"))
         settings = settings_of(metric=metric, **given(arguments, *shared, *_SETTINGS))
-        return cls(demonstrations, arguments.held_out or (), settings)
+        robot = arguments.robot or DEFAULT_ROBOT
+        RobotDescription.named(robot)  # refused now, not after the training
+        return cls(demonstrations, arguments.held_out or (), settings, robot)
 
     def tool_demonstrations(self) -> Demonstrations:
         """What is learned from."""
@@ -60,5 +64,7 @@ class TaskTraining:
     def learn(self, name: str, progress: Callable[[str, int, int], None], provenance: dict[str, Any]) -> Skill:
         from geodesic_motion_ros.learning.training import train_task_space_skill
 
-        return train_task_space_skill(self.tool_demonstrations(), self.settings, name, progress, provenance)
+        return train_task_space_skill(
+            self.tool_demonstrations(), self.settings, name, progress, provenance, self.robot
+        )
 

@@ -1,4 +1,4 @@
-"""The demo: a Panda does a skill three times, planner and twin as two processes over real ROS 2.
+"""The demo: an arm does a skill three times, planner and twin as two processes over real ROS 2.
 
 Once without an obstacle, once with a sphere that moves into its path and avoidance off (the control: it must hit), once
 with the same sphere and avoidance on. What is printed was measured by the twin on the arm's real geometry. The scene is

@@ -13,7 +13,7 @@ from rclpy.utilities import remove_ros_args
 SKILL, SCENE = "panda_reach_to_grasp", "table"
 
 _DESCRIPTION = """\
-A simulated Panda does a skill as it was demonstrated: three times over real ROS 2, planner and twin in two processes.
+A simulated arm does a skill as it was demonstrated: three times over real ROS 2, planner and twin in two processes.
 
   no_obstacle    the learned motion, undisturbed
   avoidance_off  a sphere moves into the path, and the planner ignores it: the arm hits it

@@ -12,7 +12,7 @@ from PIL import Image, ImageDraw, ImageFont
 from geodesic_motion_ros.demo.demo_run import Recording
 from geodesic_motion_ros.planning.declared_scene import DeclaredScene
 from geodesic_motion_ros.robot.kinematics import Robot
-from geodesic_motion_ros.simulation.world import PandaWorld
+from geodesic_motion_ros.simulation.world import ArmWorld
 from geodesic_motion_ros.visualization.plots import Sphere
 
 _ROWS = (("avoidance_off", "avoidance off"), ("avoidance_on", "avoidance on"))
@@ -53,7 +53,7 @@ def draw_films(
     out: Path, scene: DeclaredScene, recordings: Mapping[str, Recording], radius: float, film: Film
 ) -> None:
     """Write strip.png and arm.gif of the runs with the obstacle, of this radius [m], in a scene, to a folder."""
-    with PandaWorld(scene=scene) as world:
+    with ArmWorld(scene=scene) as world:
         for curve in film.curves:
             world.add_curve(curve.points, curve.colour, curve.radius)
         _draw_strip(out / "strip.png", world, recordings, radius, film)
@@ -72,7 +72,7 @@ def recorded_at(times: Sequence[float], values: Sequence[np.ndarray], time: floa
     return np.array([np.interp(time, times, column) for column in np.array(values).T])
 
 
-def _draw_strip(path: Path, world: PandaWorld, recordings: Mapping[str, Recording], radius: float, film: Film) -> None:
+def _draw_strip(path: Path, world: ArmWorld, recordings: Mapping[str, Recording], radius: float, film: Film) -> None:
     """The arm, a row per run, at even shares of each run's own motion: time in which it stands shows nothing new."""
     width, height = _STRIP_SIZE
     picture = Image.new("RGB", (_STRIP_FRAMES * width, len(_ROWS) * height))
@@ -101,7 +101,7 @@ def instants_of_motion(times: np.ndarray, positions: np.ndarray, count: int) -> 
 
 
 def _draw_animation(
-    path: Path, world: PandaWorld, recordings: Mapping[str, Recording], radius: float, view: str
+    path: Path, world: ArmWorld, recordings: Mapping[str, Recording], radius: float, view: str
 ) -> None:
     """Both runs side by side in real time."""
     end = max(recordings[key].joint_times[-1] for key, _ in _ROWS)
@@ -123,7 +123,7 @@ def _draw_animation(
 
 
 def _frame(
-    world: PandaWorld,
+    world: ArmWorld,
     recording: Recording,
     radius: float,
     time: float,

@@ -14,7 +14,8 @@ from typing import Any
 
 import numpy as np
 
-from geodesic_motion_ros.demonstrations.takes import POSE, Action, Flaw, Take
+from geodesic_motion_ros.demonstrations.message_samples import JointSamples, Samples, seconds_of, stacked, stamp_of
+from geodesic_motion_ros.demonstrations.takes import POSE, Flaw, Take
 from geodesic_motion_ros.geometry.curves import interpolate
 from geodesic_motion_ros.geometry.quaternions import continuous_signs, multiply, normalise, to_rotation
 from geodesic_motion_ros.utils.checked_files import brief
@@ -29,8 +30,6 @@ EMPTY, BOOL, STRING = "std_msgs/msg/Empty", "std_msgs/msg/Bool", "std_msgs/msg/S
 STATIC = "/tf_static"
 #: Of one topic: half an hour at 1 kHz.
 MOST_MESSAGES = 2_000_000
-#: Stamps of a header are used where at least this share of them rises; clocks that are not set give zeros.
-RISING_SHARE = 0.5
 #: Frames from the base to the tool.
 LONGEST_CHAIN = 100
 
@@ -167,7 +166,7 @@ def read_take(path: Path, source: Source, joint_names: Sequence[str] = (), marke
             received, stamps, values = _transforms([*static, *messages], source, path)
             names = POSE
         marks = bag.messages(marker) if marker else []
-    seconds, flaws = _seconds(received, stamps, path.stem)
+    seconds, flaws = seconds_of(received, stamps, path.stem)
     if kind != JOINTS and len(values):
         values = np.hstack([values[:, :3], continuous_signs(values[:, 3:])])
     at = np.interp([mark.received for mark in marks], received, seconds) if marks else []
@@ -175,33 +174,21 @@ def read_take(path: Path, source: Source, joint_names: Sequence[str] = (), marke
     return BagTake(Take(path.stem, seconds, values, names), flaws, markers)
 
 
-#: When they were received (T,) and stamped (T,) [ns], and their values (T, C).
-Samples = tuple[np.ndarray, np.ndarray, np.ndarray]
-
-
 def _joints(messages: list[_Message], names: tuple[str, ...], path: Path) -> Samples:
-    """Positions [rad] of the named joints, whatever their order in each message and whatever else it has."""
-    rows, seen = [], dict[str, None]()
+    samples = JointSamples(names)
     for message in messages:
-        order = {name: place for place, name in enumerate(message.content.name)}
-        seen |= dict.fromkeys(order)
-        positions = message.content.position
-        if all(order.get(name, len(positions)) < len(positions) for name in names):
-            place = [order[name] for name in names]
-            rows.append((message.received, _stamp(message.content.header), positions[place]))
-    if not rows:
-        missing = [name for name in names if name not in seen]
-        lacking = f"no message has {', '.join(missing)}" if missing else "no message has positions of all its joints"
-        raise DemonstrationError(f"{path}: {lacking}; the joints there are {brief(', '.join(seen), 300)}")
-    return _stacked(rows)
+        samples.add(message.received, message.content)
+    if not len(samples):
+        raise DemonstrationError(f"{path}: {samples.lacking()}")
+    return samples.arrays()
 
 
 def _poses(messages: list[_Message]) -> Samples:
     rows = []
     for message in messages:
         pose = message.content.pose
-        rows.append((message.received, _stamp(message.content.header), _pose(pose.position, pose.orientation)))
-    return _stacked(rows)
+        rows.append((message.received, stamp_of(message.content.header), _pose(pose.position, pose.orientation)))
+    return stacked(rows)
 
 
 def _transforms(messages: list[_Message], source: Source, path: Path) -> Samples:
@@ -215,7 +202,7 @@ def _transforms(messages: list[_Message], source: Source, path: Path) -> Samples
             moved = transform.transform
             parent, rows = edges.setdefault(_frame(transform.child_frame_id), (_frame(transform.header.frame_id), []))
             pose = _pose(moved.translation, moved.rotation)
-            rows.append((message.received, _stamp(transform.header), pose))
+            rows.append((message.received, stamp_of(transform.header), pose))
     chain, frame = [], _frame(source.tool)
     while frame != _frame(source.base):
         if frame not in edges or len(chain) == LONGEST_CHAIN:
@@ -225,7 +212,7 @@ def _transforms(messages: list[_Message], source: Source, path: Path) -> Samples
                 f"{brief(frame)}; the frames there are {brief(', '.join(frames), 300)}"
             )
         parent, rows = edges[frame]
-        chain.append(_stacked(rows))
+        chain.append(stacked(rows))
         frame = parent
     if not chain:
         raise DemonstrationError(f"{path}: {source.topic}: the frames of base and tool are both {brief(source.base)}")
@@ -250,20 +237,6 @@ def _at(times: np.ndarray, poses: np.ndarray, at: np.ndarray) -> tuple[np.ndarra
     return interpolate(times, poses[first, :3], quaternions, np.clip(at, times[0], times[-1]))
 
 
-def _seconds(received: np.ndarray, stamps: np.ndarray, name: str) -> tuple[np.ndarray, tuple[Flaw, ...]]:
-    """Times (T,) [s] from the first on: those of the headers, or of the recorder where headers have none that rise."""
-    if len(stamps) > 1 and (np.any(stamps <= 0) or np.mean(np.diff(stamps) > 0) < RISING_SHARE):
-        unset = "without stamps" if np.any(stamps <= 0) else "with stamps that do not rise"
-        flaw = Flaw(name, 0.0, f"has headers {unset}", Action.REPAIRED, "the times of the recorder are used")
-        return (received - received[0]) / 1e9, (flaw,)
-    return (stamps - stamps[0]) / 1e9, ()
-
-
-def _stamp(header: Any) -> int:
-    """[ns]"""
-    return header.stamp.sec * 1_000_000_000 + header.stamp.nanosec
-
-
 def _pose(position: Any, rotation: Any) -> np.ndarray:
     return np.array([position.x, position.y, position.z, rotation.w, rotation.x, rotation.y, rotation.z])
 
@@ -271,11 +244,6 @@ def _pose(position: Any, rotation: Any) -> np.ndarray:
 def _frame(name: str) -> str:
     """ROS 1 wrote frames with a slash before them."""
     return name.removeprefix("/")
-
-
-def _stacked(rows: list[tuple[int, int, np.ndarray]]) -> Samples:
-    received, stamps, values = zip(*rows, strict=True)
-    return np.array(received), np.array(stamps), np.array(values, dtype=float)
 
 
 class _Bag:

@@ -50,7 +50,8 @@ def read_demonstrations(
         `.npz`: the same array alone under any key, or keys `positions` (N, T, 3 or 2), `quaternions` (N, T,
         4), in the order of `columns`, and `times` (N, T) or (T,); without `quaternions` it holds positions alone;
         `.csv`: a header, then one row a sample; column `demonstration` says which one it belongs to, the
-        others are those of `columns`, in any order; `t` may always be among them.
+        others are those of `columns`, in any order; `t` may always be among them;
+        a folder with `.csv` files of this kind.
     units : "m", "cm" or "mm", of the positions.
     columns : names of the columns, separated by commas, in the order of the file: `px,py,pz,qw,qx,qy,qz`, with `t` [s]
         where the file has times. `px,py,pz` alone: no orientation. `px,py` alone: planar, at z = 0. Of text with any
@@ -105,7 +106,8 @@ def read_joint_demonstrations(path: str | Path, robot: str, rate_hz: float = 100
         `.npz`: keys `configurations` (N, T, eta) [rad] and `joint_names` (eta,), in the order of the columns; where it
         has them also `times` (N, T) or (T,) [s], `names` (N,) and `robot`;
         `.csv`: a header, then one row a sample; column `demonstration` says which one it belongs to, the others are
-        called like the joints, in any order; `t` [s] may be among them.
+        called like the joints, in any order; `t` [s] may be among them;
+        a folder with `.csv` files of this kind.
     robot : name of the arm, as `Robot.named` knows it; the joints of the file must be its joints.
     rate_hz : samples a second of files that have no times.
 
@@ -164,8 +166,8 @@ def is_mapped(path: Path, columns: str) -> bool:
 def holds_joints(path: str | Path) -> bool:
     """Whether a file says of itself that it is a recording of joints, for `read_joint_demonstrations`.
 
-    A `.npz` with the key `configurations`, or a `.csv` with a column `demonstration` and none of positions. False for
-    what cannot be read.
+    A `.npz` with the key `configurations`, or a `.csv`, or a folder of them, with a column `demonstration` and none of
+    positions. False for what cannot be read.
     """
     path = Path(path)
     try:

@@ -63,9 +63,17 @@ def joint_tables(path: Path, joint_names: tuple[str, ...], robot: str, rate_hz: 
     return _read_tables(path, {".npz": read_npz, ".csv": read_csv}, joint_names, rate_hz)
 
 
+def files_in(path: Path) -> list[Path]:
+    """The `.csv` files of a folder, by name, which are one recording together; [] of what is no folder."""
+    return sorted(path.glob("*.csv")) if path.is_dir() else []
+
+
 def names_in(path: Path) -> set[str]:
-    """Names of the arrays of a `.npz`, or of the columns of a `.csv`; none of other files. Raises what cannot be read.
+    """Names of the arrays of a `.npz`, or of the columns of a `.csv`, of a folder's first one; none of other files.
+    Raises what cannot be read.
     """
+    if files := files_in(path):
+        return names_in(files[0])
     if path.suffix.lower() == ".npz":
         return set(_load(path, array_names))
     if path.suffix.lower() == ".csv":
@@ -78,6 +86,10 @@ def names_in(path: Path) -> set[str]:
 def _read_tables(path: Path, readers: Mapping[str, Reader], names: tuple[str, ...], rate_hz: float) -> dict[str, Table]:
     if not (np.isfinite(rate_hz) and rate_hz > 0.0):
         raise DemonstrationError(f"rate_hz is {rate_hz}; it must be a positive number of samples a second")
+    if files := files_in(path):
+        return _merged([(file, _read_tables(file, readers, names, rate_hz)) for file in files])
+    if path.is_dir():
+        raise DemonstrationError(f"{path}: is a directory without .csv files; it holds no recording, and is no bag")
     reader = readers.get(path.suffix.lower())
     if reader is None:
         raise DemonstrationError(f"{path}: cannot read '{path.suffix}' files, only {', '.join(readers)}")
@@ -90,6 +102,17 @@ def _read_tables(path: Path, readers: Mapping[str, Reader], names: tuple[str, ..
     if not tables:
         raise DemonstrationError(f"{path}: holds no demonstrations")
     return tables
+
+
+def _merged(tables_of: Sequence[tuple[Path, dict[str, Table]]]) -> dict[str, Table]:
+    """All tables; DemonstrationError: two files have a demonstration of the same name."""
+    merged: dict[str, Table] = {}
+    for file, tables in tables_of:
+        for name, table in tables.items():
+            if name in merged:
+                raise DemonstrationError(f"{file}: another file of the folder has a demonstration {brief(name)}, too")
+            merged[name] = table
+    return merged
 
 
 def parse_columns(columns: str) -> tuple[str, ...]:

@@ -111,7 +111,8 @@ def split(
         flaws += back
         motions = [part.part(slice(None), f"{take.name}_{number}") for number, part in enumerate(motions)]
     if not motions:
-        raise DemonstrationError(f"{take.name}: nothing in it moves between standstills of {how.pause:g} s")
+        listed = "; ".join(map(str, flaws)) or f"nothing in it moves between standstills of {how.pause:g} s"
+        raise DemonstrationError(f"{take.name}: {listed}")
     return motions, flaws
 
 

@@ -1,9 +1,10 @@
-"""Demonstrations -> a file that `read_demonstrations` or `read_joint_demonstrations` reads."""
+"""Demonstrations -> a file that `read_demonstrations` or `read_joint_demonstrations` reads. A file is written whole."""
 
 from __future__ import annotations
 
 import csv
-from collections.abc import Callable
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
@@ -11,7 +12,9 @@ import numpy as np
 from geodesic_motion_ros.demonstrations.demonstrations import Demonstrations
 from geodesic_motion_ros.demonstrations.joint_demonstrations import JointDemonstrations
 from geodesic_motion_ros.demonstrations.recorded_tables import DEMONSTRATION, TIME
+from geodesic_motion_ros.demonstrations.takes import Take
 from geodesic_motion_ros.utils.errors import DemonstrationError
+from geodesic_motion_ros.utils.whole_files import written_whole
 
 JOINT_SUFFIXES = (".npz", ".csv")
 """Kinds of files that demonstrations of joints are written to."""
@@ -34,7 +37,8 @@ def save_demonstrations(demonstrations: Demonstrations, path: str | Path) -> Non
     }
     if demonstrations.has_orientation:
         arrays["quaternions"] = demonstrations.quaternions_array()
-    _write(path, lambda: _write_arrays(path, arrays))
+    with _written(path) as part:
+        _write_arrays(part, arrays)
 
 
 def save_joint_demonstrations(demonstrations: JointDemonstrations, path: str | Path) -> None:
@@ -49,7 +53,9 @@ def save_joint_demonstrations(demonstrations: JointDemonstrations, path: str | P
     """
     path = checked_suffix(path, JOINT_SUFFIXES)
     if path.suffix.lower() == ".csv":
-        _write(path, lambda: _write_rows(path, demonstrations))
+        rows = [(item.name, item.times, item.configurations) for item in demonstrations]
+        with _written(path) as part:
+            _write_rows(part, demonstrations.joint_names, rows)
         return
     arrays = {
         "configurations": demonstrations.configurations_array(),
@@ -58,7 +64,19 @@ def save_joint_demonstrations(demonstrations: JointDemonstrations, path: str | P
         "names": np.array([item.name for item in demonstrations]),
         "robot": np.array(demonstrations.robot),
     }
-    _write(path, lambda: _write_arrays(path, arrays))
+    with _written(path) as part:
+        _write_arrays(part, arrays)
+
+
+def save_take(take: Take, path: str | Path) -> None:
+    """Write a take of joints to a `.csv` file, as it was recorded: its times may repeat and fall.
+
+    Raises
+    ------
+    DemonstrationError : the path ends otherwise or cannot be written.
+    """
+    with _written(checked_suffix(path, (".csv",))) as part:
+        _write_rows(part, take.names, [(take.name, take.times, take.values)])
 
 
 def checked_suffix(path: str | Path, suffixes: tuple[str, ...]) -> Path:
@@ -71,9 +89,12 @@ def checked_suffix(path: str | Path, suffixes: tuple[str, ...]) -> Path:
     return path
 
 
-def _write(path: Path, write: Callable[[], None]) -> None:
+@contextmanager
+def _written(path: Path) -> Iterator[Path]:
+    """`written_whole`; DemonstrationError: the path cannot be written."""
     try:
-        write()
+        with written_whole(path) as part:
+            yield part
     except OSError as error:
         raise DemonstrationError(f"{path}: cannot be written ({error.strerror or error})") from error
 
@@ -83,10 +104,13 @@ def _write_arrays(path: Path, arrays: dict[str, np.ndarray]) -> None:
         np.savez_compressed(stream, **arrays)
 
 
-def _write_rows(path: Path, demonstrations: JointDemonstrations) -> None:
+def _write_rows(
+    path: Path, columns: Sequence[str], demonstrations: Sequence[tuple[str, np.ndarray, np.ndarray]]
+) -> None:
+    """Of each demonstration its name, times (T,) and values (T, C)."""
     with path.open("w", newline="", encoding="utf-8") as stream:
         writer = csv.writer(stream)
-        writer.writerow((DEMONSTRATION, TIME, *demonstrations.joint_names))
-        for item in demonstrations:
-            for time, configuration in zip(item.times, item.configurations, strict=True):
-                writer.writerow((item.name, time, *configuration))
+        writer.writerow((DEMONSTRATION, TIME, *columns))
+        for name, times, values in demonstrations:
+            for time, row in zip(times, values, strict=True):
+                writer.writerow((name, time, *row))

@@ -24,6 +24,7 @@ from geodesic_motion_ros.manifold.decoder import rms_sigma
 from geodesic_motion_ros.manifold.latent_graph import LatentGraph
 from geodesic_motion_ros.manifold.pose_graph import PoseGraph
 from geodesic_motion_ros.manifold.transport import Offsets
+from geodesic_motion_ros.robot.description import DEFAULT_ROBOT, RobotDescription
 from geodesic_motion_ros.skill.regression import surest_penalty
 from geodesic_motion_ros.skill.sheet import CanonicalSheet
 from geodesic_motion_ros.skill.skill import LearnedModel, Skill
@@ -45,17 +46,21 @@ def assemble_skill(
     name: str,
     settings: TrainingSettings,
     provenance: dict[str, Any],
+    robot: str = DEFAULT_ROBOT,
 ) -> Skill:
     """Put a trained float64 model and the demonstrations it was trained on together into a calibrated skill.
 
     Parameters
     ----------
     demonstrations : all on one sign sheet, as they were trained on; settings : of the training.
+    robot : that is to do it: the name of a shipped one, or the path of a folder.
 
     Raises
     ------
     SkillError : no demonstration's ends are connected inside the support.
+    RobotError : there is no such robot.
     """
+    described = RobotDescription.named(robot)
     canonical = None
     if settings.sheet == "canonical":
         form = canonical_form(demonstrations, CODE_SAMPLES, settings.rotation_length)
@@ -74,6 +79,7 @@ def assemble_skill(
     decoder = vae.decoder.to_numpy()
     model = LearnedModel(
         name=name,
+        robot=robot,
         decoder=decoder,
         codes=codes,
         latent_lower=flat.min(axis=0) - border,
@@ -89,6 +95,8 @@ def assemble_skill(
         calibrated_energy_per_edge(model.graph(), codes),
         start_pose=start,
         goal_pose=goal,
+        base_frame=described.base_link,
+        tool_frame=described.tool_link,
         encoder_arrays=vae.encoder.arrays(),
         quality=quality,
         provenance=provenance,

@@ -60,6 +60,7 @@ def assemble_joint_skill(
     decoder = vae.decoder.to_numpy()
     model = LearnedModel(
         name=name,
+        robot=demonstrations.robot,
         space="joint",
         decoder=decoder,
         codes=codes,

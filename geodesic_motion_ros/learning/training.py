@@ -30,6 +30,7 @@ from geodesic_motion_ros.learning.optimisation import Progress, descend, minimis
 from geodesic_motion_ros.learning.progress_prior import prior_means, prior_variance
 from geodesic_motion_ros.learning.settings import TrainingSettings
 from geodesic_motion_ros.learning.task_space import FixedPrecisions, Means, Precisions, TaskSpaceVAE
+from geodesic_motion_ros.robot.description import DEFAULT_ROBOT
 from geodesic_motion_ros.skill.skill import Skill
 
 
@@ -50,6 +51,7 @@ def train_task_space_skill(
     name: str = "skill",
     progress: Progress | None = None,
     provenance: dict[str, Any] | None = None,
+    robot: str = DEFAULT_ROBOT,
 ) -> Skill:
     """Learn a skill from demonstrations of one task: train, then calibrate support and feasibility.
 
@@ -60,6 +62,7 @@ def train_task_space_skill(
     settings : None for the defaults. progress : called as progress(stage, step, steps).
     provenance : what to say of the data (source, licence); seed, settings and demonstrations' names are
         added.
+    robot : that is to do it: the name of a shipped one, or the path of a folder.
 
     Raises
     ------
@@ -77,7 +80,7 @@ def train_task_space_skill(
     vae = train_model(positions, quaternions, fractions, settings, progress)
     described = {"demonstrations": [item.name for item in aligned], "frame": aligned.frame}
     described |= {"seed": settings.seed, "settings": asdict(settings)} | (provenance or {})
-    return assemble_skill(vae, aligned, name, settings, described)
+    return assemble_skill(vae, aligned, name, settings, described, robot)
 
 
 def training_poses(demonstrations: Demonstrations, settings: TrainingSettings) -> tuple[np.ndarray, np.ndarray]:

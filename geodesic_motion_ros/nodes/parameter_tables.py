@@ -7,16 +7,10 @@ from typing import get_args
 from geodesic_motion_ros.manifold.ambient_law import LAWS
 from geodesic_motion_ros.nodes.parameters import Parameter
 from geodesic_motion_ros.planning.settings import LARGEST_DETOUR, Unseen
-from geodesic_motion_ros.robot.panda import PANDA_READY
+from geodesic_motion_ros.robot.description import DEFAULT_ROBOT, RobotDescription
 
-_BASE_FRAME = "base_frame", "panda_link0"
-
-# The hand of the Panda, fingers 4 cm apart, in the frame panda_grasptarget: z points out of the hand, the fingers open
-# along y. Two rows of spheres cover the palm, two a finger.
-_PANDA_HAND = (
-    *((0.0, y, z, 0.0393) for z in (-0.099, -0.0625) for y in (-0.069, -0.023, 0.023, 0.069)),
-    *((0.0, y, z, 0.022) for z in (-0.033, -0.006) for y in (-0.033, 0.033)),
-)
+#: Defaults that belong to a robot are those of this one; each stands for the same of whatever robot a node is of.
+_ROBOT = RobotDescription.named(DEFAULT_ROBOT)
 
 PLANNER = (
     Parameter("skill", "panda_reach_to_grasp", "Skill folder, or the name of a shipped skill"),
@@ -29,7 +23,8 @@ PLANNER = (
     ),
     Parameter("simulation_only", False, "That no real arm hears the commands: without it the method paper is refused"),
     Parameter(
-        *_BASE_FRAME,
+        "base_frame",
+        _ROBOT.base_link,
         "Frame of all poses; messages in other frames go through tf2 where it is installed, and are refused otherwise",
     ),
     Parameter("rate", 100.0, "Planning cycles per second", "Hz", 10.0, 1000.0),
@@ -49,7 +44,7 @@ PLANNER = (
     Parameter("avoidance", True, "false ignores all obstacles: for control experiments only"),
     Parameter(
         "tool_spheres",
-        [number for sphere in _PANDA_HAND for number in sphere],
+        [number for sphere in _ROBOT.tool_spheres for number in sphere],
         "Spheres fixed in the tool frame that obstacles are kept away from, each as x, y, z, radius",
         "m",
         -2.0,
@@ -368,7 +363,7 @@ PLANNER = (
 )
 
 TWIN = (
-    Parameter(*_BASE_FRAME, "Frame of all poses; messages in other frames are refused"),
+    Parameter("base_frame", _ROBOT.base_link, "Frame of all poses; messages in other frames are refused"),
     Parameter(
         "skill",
         "panda_reach_to_grasp",
@@ -376,6 +371,7 @@ TWIN = (
         "initial_joint_positions than the default: start there",
         read_only=False,
     ),
+    Parameter("robot", "", f"Name or folder of the robot; empty: that of the skill, or {DEFAULT_ROBOT} without one"),
     Parameter("physics_rate", 240.0, "Physics steps per second of real time", "Hz", 100.0, 1000.0),
     Parameter("state_rate", 120.0, "How often `joint_states` and `ee_pose` are published", "Hz", 100.0, 1000.0),
     Parameter("obstacle_rate", 60.0, "How often obstacles and `~/clearance` are published", "Hz", 1.0, 240.0),
@@ -390,11 +386,13 @@ TWIN = (
     Parameter("gui", False, "Open PyBullet's window"),
     Parameter(
         "initial_joint_positions",
-        [round(angle, 4) for angle in PANDA_READY],
-        "Where the arm starts, and goes at `~/reset`; the default, the ready pose, only with an empty `skill`",
+        [round(angle, 4) for angle in _ROBOT.ready],
+        "Where the arm starts, and goes at `~/reset`; the default: where the skill begins, or the ready posture of the "
+        "robot with an empty `skill`",
         "rad",
-        -4.0,
-        4.0,
+        -7.0,
+        7.0,
+        row=1,
         read_only=False,
     ),
     Parameter(
@@ -405,7 +403,8 @@ TWIN = (
     Parameter(
         "command_timeout",
         0.2,
-        "Without a target pose for longer than this, the arm brakes and holds; a joint trajectory ends by itself",
+        "Without a target pose for longer than this, the arm brakes and holds; without a pose of the hand in free "
+        "drive, the hand has let go; a joint trajectory ends by itself",
         "s",
         0.02,
         10.0,
@@ -431,4 +430,13 @@ TWIN = (
     Parameter("spawn_at_start", False, "Spawn the spheres as soon as the twin starts"),
 )
 
-TABLES = {"planner": PLANNER, "twin": TWIN}
+RECORD = (
+    Parameter(
+        "folder",
+        "recordings",
+        "Where the takes of one task go, one file each; new ones are compared with those that stand there",
+    ),
+    Parameter("robot", DEFAULT_ROBOT, "Whose joints are recorded, by their names in its URDF"),
+)
+
+TABLES = {"planner": PLANNER, "twin": TWIN, "record": RECORD}

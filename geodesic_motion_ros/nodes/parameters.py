@@ -113,7 +113,7 @@ class Parameter:
         if self.choices:
             return "one of " + ", ".join(self.choices)
         if isinstance(self.default, list):
-            count = f"rows of {self.row}" if self.row else str(len(self.default))
+            count = {0: str(len(self.default)), 1: "one or more"}.get(self.row, f"rows of {self.row}")
             return f"{count} floats{self._range_text}{self._unit_text}"
         kinds = {bool: "true or false", int: "an integer", float: f"a float{_HINT}", str: "a text"}
         return kinds[type(self.default)] + self._range_text + self._unit_text
@@ -182,6 +182,10 @@ class NodeParameters:
 
     def __getitem__(self, name: str) -> Value:
         return self._values[name]
+
+    def stand_in(self, values: Mapping[str, Value]) -> None:
+        """Let these be read in the place of what was declared, until that is set to something else."""
+        self._values = {**self._values, **values}
 
     @property
     def values(self) -> Mapping[str, Value]:

@@ -27,7 +27,7 @@ from geodesic_motion_ros.nodes.parameters import NodeParameters, Value
 from geodesic_motion_ros.nodes.planner_inputs import PlannerInputs
 from geodesic_motion_ros.nodes.planner_outputs import PlannerOutputs
 from geodesic_motion_ros.nodes.running import STEADY, LoopingNode, run_node
-from geodesic_motion_ros.nodes.skill_kinds import kind_of, planner_settings
+from geodesic_motion_ros.nodes.skill_kinds import kind_of, of_robot, planner_settings
 from geodesic_motion_ros.nodes.steady_loop import SteadyLoop
 from geodesic_motion_ros.nodes.stream_cycle import CycleInputs, CycleOutput
 from geodesic_motion_ros.nodes.view_thread import ViewThread
@@ -53,6 +53,7 @@ class PlannerNode(LoopingNode):
         self._options = NodeParameters(self, PLANNER, _check_settings, self._parameters_changed)
         skill = Skill.load(self._options["skill"])
         try:
+            self._options.stand_in(of_robot(skill, self._options.values))
             self._kind = kind_of(skill, self._options.values)
         except RobotError as error:
             raise SkillError(f"{self._options['skill']}: {error}") from error

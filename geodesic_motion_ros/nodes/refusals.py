@@ -40,12 +40,12 @@ class Refusals:
         if not quiet:
             self._warn(f"{prefix} {topic}: {reason}{details}")
 
-    def guard(self, topic: str) -> Guard:
-        return Guard(self, topic)
+    def guard(self, topic: str, prefix: str = "refused a message on") -> Guard:
+        return Guard(self, topic, prefix)
 
     def answered(self, service: str, response: Any, work: Callable[[], str]) -> Any:
         """A response of std_srvs with the message that `work` returns; where that raises, the reason and no success."""
-        with self.guard(service) as guard:
+        with self.guard(service, prefix="refused") as guard:
             response.message = work()
         response.success = not guard.reason
         if guard.reason:
@@ -68,8 +68,8 @@ class Refusals:
 class Guard(AbstractContextManager):
     """See `Refusals`; reason : of what was swallowed."""
 
-    def __init__(self, refusals: Refusals, topic: str) -> None:
-        self._refusals, self._topic = refusals, topic
+    def __init__(self, refusals: Refusals, topic: str, prefix: str) -> None:
+        self._refusals, self._topic, self._prefix = refusals, topic, prefix
         self.reason = ""
 
     def __exit__(
@@ -77,7 +77,7 @@ class Guard(AbstractContextManager):
     ) -> bool:
         if isinstance(error, MessageRefused):
             self.reason = str(error) or repr(error)
-            self._refusals.add(self._topic, self.reason)
+            self._refusals.add(self._topic, self.reason, prefix=self._prefix)
         elif isinstance(error, Exception):
             self.reason = f"internal error, see the log: {error!r}"
             details = "\n" + "".join(traceback.format_exception(error))

@@ -13,6 +13,7 @@ import numpy as np
 from geodesic_motion_ros.geometry.quaternions import continuous_signs
 from geodesic_motion_ros.manifold.pose_graph import PoseGraph
 from geodesic_motion_ros.nodes.joint_cycle import JointCycle
+from geodesic_motion_ros.nodes.parameter_tables import PLANNER
 from geodesic_motion_ros.nodes.parameters import Value
 from geodesic_motion_ros.nodes.planner_outputs import PlannerOutputs
 from geodesic_motion_ros.nodes.scene_parameter import declared_scene
@@ -23,6 +24,7 @@ from geodesic_motion_ros.planning.planner import ReactivePlanner
 from geodesic_motion_ros.planning.settings import PlannerSettings
 from geodesic_motion_ros.planning.status import Verdict
 from geodesic_motion_ros.robot.body_points import end_effector_poses
+from geodesic_motion_ros.robot.collision_model import tool_spheres
 from geodesic_motion_ros.robot.held_objects import HeldObject
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.skill.skill import Skill
@@ -226,6 +228,13 @@ def kind_of(skill: Skill, values: Mapping[str, Value]) -> SkillKind:
         return CertifiedKind(skill, values)
     module, name = _METHODS[values["method"]]
     return getattr(import_module(module), name)(skill, values)
+
+
+def of_robot(skill: Skill, values: Mapping[str, Value]) -> dict[str, Value]:
+    """Values of the skill's own robot for the parameters that are still those of the default one; RobotError: none."""
+    of_default = {parameter.name: parameter.default for parameter in PLANNER}
+    own = {"base_frame": skill.base_frame, "tool_spheres": tool_spheres(skill.robot).ravel().tolist()}
+    return {name: value for name, value in own.items() if values[name] == of_default[name]}
 
 
 def planner_settings(values: Mapping[str, Value]) -> PlannerSettings:

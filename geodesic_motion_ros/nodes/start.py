@@ -1,5 +1,5 @@
-"""Where the programs `planner` and `twin` begin, and how others of their kind do: light, so that --help answers at
-once, and that Ctrl-C ends them cleanly from the first moment.
+"""Where the programs `planner`, `twin` and `record` begin, and how others of their kind do: light, so that --help
+answers at once, and that Ctrl-C ends them cleanly from the first moment.
 
 Their libraries take seconds to load, and after an installation half a minute to compile. An interrupt meanwhile would
 surface as a traceback from deep within any of them; until the program's own handling is in place, it ends the process
@@ -26,6 +26,11 @@ def planner() -> int:
 def twin() -> int:
     """Run the twin; returns the exit code."""
     return start(f"{__package__}.twin_node", 0, lambda: _answer("twin"))
+
+
+def record() -> int:
+    """Record demonstrations; returns the exit code."""
+    return start(f"{__package__}.record_node", 0, lambda: _answer("record"))
 
 
 def _answer(name: str) -> int | None:

@@ -1,4 +1,4 @@
-"""Node `twin`: a simulated Panda that stands in for the hardware behind the same topics.
+"""Node `twin`: a simulated arm that stands in for the hardware behind the same topics.
 
 Physics runs in real time, or as a simulated clock goes on, in a thread of its own. Only that thread touches PyBullet:
 callbacks leave what they want in a mailbox, services wait until it was done.
@@ -23,7 +23,7 @@ from rclpy.qos import QoSProfile
 from rclpy.time import Time
 from sensor_msgs.msg import Image, JointState
 from std_msgs.msg import Float64, UInt32
-from std_srvs.srv import Trigger
+from std_srvs.srv import SetBool, Trigger
 from trajectory_msgs.msg import JointTrajectory
 from visualization_msgs.msg import MarkerArray
 
@@ -48,14 +48,16 @@ from geodesic_motion_ros.nodes.refusals import Refusals
 from geodesic_motion_ros.nodes.running import STEADY, LoopingNode, run_node
 from geodesic_motion_ros.nodes.steady_loop import SteadyLoop
 from geodesic_motion_ros.nodes.twin_parameters import (
+    base_frame,
     check_twin,
     initial_joints,
+    robot_of,
     scene_around,
     scripted_spheres,
     steps_per_message,
 )
 from geodesic_motion_ros.simulation.scripted_spheres import ScriptedSpheres
-from geodesic_motion_ros.simulation.world import PandaWorld
+from geodesic_motion_ros.simulation.world import ArmWorld
 from geodesic_motion_ros.utils.errors import GeodesicMotionError, RobotError
 
 # After a stall physics makes up for what was lost, for half as long [s] of real time at most, in the next tick half as
@@ -68,6 +70,7 @@ _DEAF = 0.3
 # Changes of the topic that commands are logged at most once in this time [s]: two streams at once would fill the log.
 _QUIET = 0.2
 _POSES, _TRAJECTORIES, _POSTURES = "target_pose", "joint_trajectory", "target_posture"
+_HAND = "~/hand_pose"
 # A posture belongs to the poses with stamps that are no farther from its own [s].
 _SAME_TIME = 0.1
 _OBSTACLE_COLOUR = (0.85, 0.30, 0.20, 0.9)
@@ -89,6 +92,9 @@ class TwinNode(LoopingNode):
     trajectories are of the node's clock; their rules are those of joint_trajectory_controller
     (`simulation/trajectory_player.py`). When the clock is set the arm brakes and holds.
 
+    In free drive (`~/free_drive`) it follows none of them: gravity is compensated, and a hand pulls the tool towards
+    the stream `~/hand_pose` by springs (`simulation/free_drive.py`).
+
     `~/contacts` counts the physics steps with contact between the arm and obstacles or the declared scene since the
     last reset, so that no contact is lost between messages; a warning names what is touched. `~/clearance` is the
     smallest distance [m] from obstacles since the message before, inf without any.
@@ -104,9 +110,10 @@ class TwinNode(LoopingNode):
     def _build(self) -> None:
         self._options = NodeParameters(self, TWIN, check_twin)
         values = self._options
-        self._frame: str = values["base_frame"]
-        self._world = PandaWorld(values["gui"], values["physics_rate"], scene_around(values["scene"], values["skill"]))
-        self._world.reset(initial_joints(values.values))
+        self._robot, self._frame = robot_of(values.values), base_frame(values.values)
+        scene = scene_around(values["scene"], values["skill"])
+        self._world = ArmWorld(values["gui"], values["physics_rate"], scene, self._robot)
+        self._world.reset(initial_joints(values.values, self._world.robot))
         self._spheres, self._spheres_start = ScriptedSpheres({}), 0.0
         self._steps = self._contacts = 0
         self._touched: set[str] = set()
@@ -130,7 +137,7 @@ class TwinNode(LoopingNode):
 
     def _introduction(self) -> str:
         topics = ", ".join(self.resolve_topic_name(name) for name in ("joint_trajectory", "target_pose"))
-        return f"ready: a simulated panda on {self._joint_states.topic_name}; waits for commands on {topics}"
+        return f"ready: a simulated {self._robot} on {self._joint_states.topic_name}; waits for commands on {topics}"
 
     def _make_interface(self) -> None:
         # Reliable publishers serve subscribers of either kind; best effort ones would leave reliable
@@ -151,6 +158,7 @@ class TwinNode(LoopingNode):
             (every["obstacle_rate"], self._publish_obstacles),
             (every["image_rate"], self._publish_image),
         ]
+        self.create_subscription(PoseStamped, _HAND, self._on_hand, qos)
         self._commands = (
             self.create_subscription(PoseStamped, _POSES, self._on_target, qos),
             self.create_subscription(JointTrajectory, _TRAJECTORIES, self._on_trajectory, qos),
@@ -158,6 +166,7 @@ class TwinNode(LoopingNode):
         self.create_subscription(JointState, _POSTURES, self._on_posture, qos)
         self.create_service(Trigger, "~/reset", self._on_reset)
         self.create_service(Trigger, "~/spawn_obstacles", self._on_spawn)
+        self.create_service(SetBool, "~/free_drive", self._on_free_drive)
         self.create_timer(1.0, self._look_for_rivals, clock=STEADY)
 
     def start(self) -> None:
@@ -235,8 +244,11 @@ class TwinNode(LoopingNode):
         if command is not None:
             self._obey(command, now)
         # a trajectory ends by itself
-        elif self._commander == _POSES and now - self._commanded_at > self._options["command_timeout"]:
-            self._world.hold()
+        elif now - self._commanded_at > self._options["command_timeout"]:
+            if self._commander == _POSES:
+                self._world.hold()
+            elif self._commander == _HAND:
+                self._world.let_go()
 
     def _obey(self, command: _Command, now: float) -> None:
         if now < self._deaf_until:
@@ -317,6 +329,10 @@ class TwinNode(LoopingNode):
             except RobotError as error:
                 raise MessageRefused(str(error)) from error
 
+    def _on_hand(self, message: PoseStamped) -> None:
+        with self._refusals.guard(_HAND):
+            self._ask(_Command(_HAND, partial(self._world.pull, *read_pose(message, self._frame))))
+
     def _on_trajectory(self, message: JointTrajectory) -> None:
         with self._refusals.guard(_TRAJECTORIES):
             waypoints = read_joint_trajectory(message, self._world.robot)
@@ -344,6 +360,10 @@ class TwinNode(LoopingNode):
     def _on_spawn(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         return self._refusals.answered("~/spawn_obstacles", response, partial(self._in_physics_thread, self._spawn))
 
+    def _on_free_drive(self, request: SetBool.Request, response: SetBool.Response) -> SetBool.Response:
+        work = self._begin_free_drive if request.data else self._end_free_drive
+        return self._refusals.answered("~/free_drive", response, partial(self._in_physics_thread, work))
+
     def _in_physics_thread(self, work: Callable[[], str]) -> str:
         done: Future[str] = Future()
         self._mailbox.put((work, done))
@@ -356,12 +376,20 @@ class TwinNode(LoopingNode):
             raise MessageRefused(f"physics did not answer within {_PATIENCE:g} s") from error
 
     def _reset(self) -> str:
-        self._world.reset(initial_joints(self._options.values))
+        self._world.reset(initial_joints(self._options.values, self._world.robot))
         self._begin_anew()
         with self._command_lock:
             self._command = None
         self._commander, self._deaf_until = "", self._time.running() + _DEAF
         return "the arm is where it started, the spheres begin again, contacts count from zero"
+
+    def _begin_free_drive(self) -> str:
+        self._world.begin_free_drive()
+        return "the arm is in free drive: gravity is compensated, it goes where it is pulled and follows no command"
+
+    def _end_free_drive(self) -> str:
+        self._world.end_free_drive()
+        return "the motors hold the arm where it is"
 
     def _spawn(self) -> str:
         self._spheres = scripted_spheres(self._options["spheres"])

@@ -12,6 +12,7 @@ from geodesic_motion_ros.nodes.parameter_tables import TWIN
 from geodesic_motion_ros.nodes.parameters import Value
 from geodesic_motion_ros.nodes.scene_parameter import declared_scene
 from geodesic_motion_ros.planning.declared_scene import DeclaredScene
+from geodesic_motion_ros.robot.description import DEFAULT_ROBOT, RobotDescription
 from geodesic_motion_ros.robot.inverse_kinematics import solve
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.simulation.scripted_spheres import NAMED, ScriptedSpheres, spheres_named
@@ -19,35 +20,59 @@ from geodesic_motion_ros.skill.skill import Skill
 from geodesic_motion_ros.utils.checked_files import brief
 from geodesic_motion_ros.utils.errors import ParameterError, RobotError, SkillError
 
-# What `initial_joint_positions` holds where nothing else is given, a parameter file with all defaults included.
-_READY = next(parameter.default for parameter in TWIN if parameter.name == "initial_joint_positions")
+# What these hold where nothing else is given, a parameter file with all defaults included.
+_DEFAULTS = {parameter.name: parameter.default for parameter in TWIN}
 _RATES = ("state_rate", "obstacle_rate", "image_rate")
 
 
-def initial_joints(values: Mapping[str, Value]) -> np.ndarray:
-    """Joint positions (7,) [rad] to start from: those given, or where the skill begins."""
+def robot_of(values: Mapping[str, Value]) -> str:
+    """Which robot the twin is: the one that is named, else the skill's; name or folder."""
+    if values["robot"]:
+        return values["robot"]
+    return Skill.load(values["skill"]).robot if values["skill"] else DEFAULT_ROBOT
+
+
+def base_frame(values: Mapping[str, Value]) -> str:
+    """The frame of all poses: the one that is given, else the robot's base link."""
+    given = values["base_frame"]
+    return RobotDescription.named(robot_of(values)).base_link if given == _DEFAULTS["base_frame"] else given
+
+
+def initial_joints(values: Mapping[str, Value], robot: Robot) -> np.ndarray:
+    """Joint positions (eta,) [rad] that a robot starts from: those given, or where the skill begins, or else at ready.
+
+    Raises
+    ------
+    SkillError : there is no such skill, or it is of another robot. RobotError : the robot does not reach its start.
+    """
     given = values["initial_joint_positions"]
-    return start_joints(values["skill"]) if values["skill"] and given == _READY else np.array(given)
+    if given != _DEFAULTS["initial_joint_positions"]:
+        return np.array(given)
+    if not values["skill"]:
+        return np.round(robot.ready, 4)  # as the default says it of the default robot
+    skill = Skill.load(values["skill"])
+    own = Robot.named(skill.robot)
+    if (own.joint_names, skill.tool_frame) != (robot.joint_names, robot.tool_link):
+        raise SkillError(
+            f"skill {skill.name} moves the frame {skill.tool_frame!r} of a {skill.robot!r}, the twin is an arm to "
+            f"{robot.tool_link!r}: start it with skill:='' to use initial_joint_positions"
+        )
+    return start_joints(values["skill"])
 
 
 @cache
 def start_joints(name: str) -> np.ndarray:
-    """Joint positions (7,) [rad] of a Panda at the start of a skill, a folder or a shipped name.
+    """Joint positions (eta,) [rad] of its robot at the start of a skill, a folder or a shipped name.
 
     A skill of joint space begins where its first group of demonstrations does on average, on the raw sheet where the
     first demonstration does.
 
     Raises
     ------
-    SkillError : there is no such skill, or it is of another robot.
-    RobotError : the Panda does not reach its start.
+    SkillError : there is no such skill. RobotError : there is no such robot, or it does not reach its start.
     """
-    skill, robot = Skill.load(name), Robot.panda()
-    if (skill.robot, skill.tool_frame) != ("panda", robot.tool_link):
-        raise SkillError(
-            f"skill {skill.name} moves the frame {skill.tool_frame!r} of a {skill.robot!r}, the twin is a 'panda' with "
-            f"{robot.tool_link!r}: start it with skill:='' to use initial_joint_positions"
-        )
+    skill = Skill.load(name)
+    robot = Robot.named(skill.robot)
     if skill.canonical is None and skill.space == "joint":
         joints = skill.decoder.configurations(skill.codes[0, :1])[0]
     elif skill.space == "joint":
@@ -99,8 +124,9 @@ def check_twin(values: Mapping[str, Value]) -> None:
     """Refuse values that do not go together: ParameterError."""
     scripted_spheres(values["spheres"])
     try:
-        Robot.panda().checked(np.array(values["initial_joint_positions"]))
-    except RobotError as error:
+        if values["initial_joint_positions"] != _DEFAULTS["initial_joint_positions"]:
+            Robot.named(robot_of(values)).checked(np.array(values["initial_joint_positions"]))
+    except (RobotError, SkillError) as error:
         raise ParameterError(f"parameter initial_joint_positions: {error}") from error
     slow = [name for name in _RATES if values[name] > values["physics_rate"]]
     if slow:

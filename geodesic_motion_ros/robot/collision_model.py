@@ -1,8 +1,7 @@
 """The arm as spheres: how near a configuration comes to the arm itself.
 
 The spheres hold all of the collision meshes, so a clearance is never larger than that of the meshes (as a penetration
-grows deeper the two may differ in depth, not in sign). Which spheres an arm has is written in a file beside its URDF;
-studies/tools/sphere_cover.py makes it.
+grows deeper the two may differ in depth, not in sign). Which spheres an arm has is written in a file of its folder.
 """
 
 from __future__ import annotations
@@ -17,8 +16,9 @@ import numpy as np
 import yaml
 
 from geodesic_motion_ros.robot.body_points import BodyPoints, link_points, place_body_points
+from geodesic_motion_ros.robot.description import RobotDescription
 from geodesic_motion_ros.robot.held_objects import HeldObject
-from geodesic_motion_ros.robot.kinematics import FOLDER, VECTOR, Robot, contiguous
+from geodesic_motion_ros.robot.kinematics import VECTOR, Robot, contiguous
 from geodesic_motion_ros.utils.errors import RobotError
 
 POSITIONS = numba.types.Array(numba.float64, 3, "C", readonly=True)
@@ -45,17 +45,9 @@ class CollisionModel:
     self_pairs: np.ndarray
 
     @classmethod
-    def panda(cls) -> CollisionModel:
-        """Of the Franka Emika Panda with its hand, the fingers opened by 2 x 20 mm."""
-        return cls.load(FOLDER / "panda_spheres.yaml", Robot.panda())
-
-    @classmethod
-    def named(cls, name: str) -> CollisionModel:
-        """Of a robot that this package ships, as `Robot.named`; RobotError lists them for another name."""
-        known = {"panda": cls.panda}
-        if name not in known:
-            raise RobotError(f"robot {name!r} has no collision model here; known: {', '.join(map(repr, known))}")
-        return known[name]()
+    def named(cls, name: str | Path) -> CollisionModel:
+        """Of a robot that this package ships, or of a folder; errors as `Robot.named` and `load`."""
+        return cls.load(RobotDescription.named(name).spheres, Robot.named(name))
 
     @classmethod
     def load(cls, path: str | Path, robot: Robot) -> CollisionModel:
@@ -147,6 +139,28 @@ class CollisionModel:
     def positions(self, robot: Robot, configurations: np.ndarray) -> np.ndarray:
         """Centres (n, S, 3) [m] of the spheres in the base frame in configurations (n, eta) [rad]."""
         return place_body_points(contiguous(configurations), self.points.frames, self.points.offsets, robot.chain)
+
+
+def tool_spheres(name: str | Path) -> np.ndarray:
+    """Spheres (K, 4) [m] of a robot's tool in the frame of its tool link: those its folder lists, or its hand's.
+
+    Raises
+    ------
+    RobotError : the folder says neither, or the hand has no spheres, or joints move it against the tool.
+    """
+    described = RobotDescription.named(name)
+    if described.tool_spheres:
+        return np.array(described.tool_spheres)
+    if described.hand is None:
+        raise RobotError(f"{described.folder}: neither a hand nor tool_spheres is listed: list one of them")
+    robot = Robot.named(name)
+    model = CollisionModel.load(described.spheres, robot).of_link(described.hand)
+    frame = int(model.points.frames[0])
+    if np.any(robot.chain[3][frame:] >= 0):
+        raise RobotError(f"the hand '{described.hand}' of robot {described.name!r} does not move with its tool link")
+    rotations, origins = robot.link_frames(robot.ready)
+    placed = model.positions(robot, robot.ready[None])[0]
+    return np.column_stack([(placed - origins[-1]) @ rotations[-1], model.radii])
 
 
 def self_clearance(model: CollisionModel, robot: Robot, configuration: np.ndarray) -> tuple[float, tuple[int, int]]:

@@ -11,8 +11,8 @@ from pathlib import Path
 import numba
 import numpy as np
 
-from geodesic_motion_ros.robot.panda import PANDA_READY
-from geodesic_motion_ros.robot.urdf import read_chain, read_dynamic_limits
+from geodesic_motion_ros.robot.description import RobotDescription
+from geodesic_motion_ros.robot.urdf import read_chain, read_dynamic_limits, read_velocity_limits
 from geodesic_motion_ros.utils.errors import RobotError
 
 # Written signatures: compiled at the first import, never in the middle of a run. All inputs are read only.
@@ -43,6 +43,7 @@ class Robot:
     velocity_limits : (n,) [rad/s].
     acceleration_limits, jerk_limits : (n,) [rad/s^2], [rad/s^3]; infinite where no limits file was given.
     ready : (n,) a comfortable posture [rad], to which redundancy is drawn by default.
+    inverse_kinematics : module that solves for it in closed form; None: that is done numerically (`solutions.py`).
     """
 
     def __init__(
@@ -52,15 +53,17 @@ class Robot:
         tool_link: str,
         limits_path: str | Path | None = None,
         ready: tuple[float, ...] | None = None,
+        inverse_kinematics: str | None = None,
     ) -> None:
         chain = read_chain(path, base_link, tool_link)
         self.urdf, self.base_link, self.tool_link = Path(path), base_link, tool_link
         self.joint_names, self.link_names = chain.joint_names, chain.link_names
         self.lower, self.upper, self.velocity_limits = chain.lower, chain.upper, chain.velocity
-        unlimited = np.full(len(self.joint_names), np.inf)
-        self.acceleration_limits, self.jerk_limits = (
-            (unlimited, unlimited.copy()) if limits_path is None else read_dynamic_limits(limits_path, self.joint_names)
-        )
+        self.acceleration_limits, self.jerk_limits = np.full((2, len(self.joint_names)), np.inf)
+        if limits_path is not None:
+            self.acceleration_limits, self.jerk_limits = read_dynamic_limits(limits_path, self.joint_names)
+            self.velocity_limits = read_velocity_limits(limits_path, self.joint_names, self.velocity_limits)
+        self.inverse_kinematics = inverse_kinematics
         self.chain = (chain.rotations, chain.translations, chain.axes, chain.joint_index, chain.prismatic)
         self.ready = self._middle() if ready is None else self.checked(np.asarray(ready, dtype=float))
         limits = (self.lower, self.upper, self.velocity_limits, self.acceleration_limits, self.jerk_limits)
@@ -68,23 +71,18 @@ class Robot:
             array.setflags(write=False)
 
     @classmethod
-    def panda(cls) -> Robot:
-        """Franka Emika Panda from `panda_link0` to `panda_grasptarget`, with Franka's published limits."""
-        return cls(
-            FOLDER / "panda.urdf",
-            "panda_link0",
-            "panda_grasptarget",
-            FOLDER / "panda_joint_limits.yaml",
-            PANDA_READY,
-        )
+    def named(cls, name: str | Path) -> Robot:
+        """A robot that this package ships, by the name that skills give it, or that of a folder: `description.py`.
 
-    @classmethod
-    def named(cls, name: str) -> Robot:
-        """A robot that this package ships, by the name that skills give it; RobotError lists them for another name."""
-        known = {"panda": cls.panda}
-        if name not in known:
-            raise RobotError(f"robot {name!r} is not known here; known: {', '.join(map(repr, known))}")
-        return known[name]()
+        Raises
+        ------
+        RobotError : there is neither, the folder lacks something, or its files do not fit each other.
+        """
+        described = RobotDescription.named(name)
+        return cls(
+            described.urdf, described.base_link, described.tool_link, described.limits, described.ready,
+            described.inverse_kinematics,
+        )  # fmt: skip
 
     @classmethod
     def from_urdf(
@@ -136,7 +134,7 @@ class Robot:
     def shoulder(self) -> np.ndarray:
         """Where the arm swings from (3,) [m]: origin of the second moving joint's frame at zero, base frame.
 
-        It does not move in arms whose first joint turns about an axis through it, as the Panda's does.
+        It does not move in arms whose first joint turns about an axis through it.
         """
         joint_index = self.chain[3]
         second = int(np.flatnonzero(joint_index >= min(1, len(self.joint_names) - 1))[0])

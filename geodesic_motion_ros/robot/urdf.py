@@ -50,13 +50,13 @@ def read_chain(path: str | Path, base_link: str, tool_link: str) -> Chain:
     ------
     RobotError : the file cannot be read, a link is missing or not below the base, or a joint lacks a limit.
     """
-    joints = _joints_from_base(_parse(path), base_link, tool_link, Path(path).name)
+    joints = _joints_from_base(read_urdf(path), base_link, tool_link, Path(path).name)
     moving = [joint for joint in joints if joint.get("type") in MOVING]
     if not moving:
         raise RobotError(f"no moving joint lies between '{base_link}' and '{tool_link}' in {Path(path).name}")
     names = tuple(joint.get("name", "") for joint in moving)
     limits = np.array([_limits(joint) for joint in moving]).T.copy()
-    origins = [_origin(joint) for joint in joints]
+    origins = [read_origin(joint, f"joint '{joint.get('name')}'") for joint in joints]
     return Chain(
         link_names=(base_link, *(joint.find("child").get("link") for joint in joints)),
         joint_names=names,
@@ -78,15 +78,38 @@ def read_dynamic_limits(path: str | Path, joint_names: tuple[str, ...]) -> tuple
     ------
     RobotError : a joint or one of its two limits is missing, or a limit is not a positive number.
     """
-    try:
-        table = yaml.safe_load(Path(path).read_text())["joint_limits"]
-    except (OSError, yaml.YAMLError, TypeError, KeyError) as error:
-        raise RobotError(f"{path} must be a YAML file with a mapping `joint_limits`: {error}") from error
+    table = _joint_limits(path)
     limits = [[_positive(table, joint, key, path) for joint in joint_names] for key in ("max_acceleration", "max_jerk")]
     return np.array(limits[0]), np.array(limits[1])
 
 
-def _parse(path: str | Path) -> ElementTree.Element:
+def read_velocity_limits(path: str | Path, joint_names: tuple[str, ...], otherwise: np.ndarray) -> np.ndarray:
+    """Velocity limits (n,) [rad/s] of a joint_limits.yaml, for joints without one there those of (n,) `otherwise`.
+
+    Raises
+    ------
+    RobotError : a limit is not a positive number.
+    """
+    table = _joint_limits(path)
+    key = "max_velocity"
+    has_one = [isinstance(table.get(joint), Mapping) and key in table[joint] for joint in joint_names]
+    pairs = zip(joint_names, has_one, otherwise, strict=True)
+    return np.array([_positive(table, joint, key, path) if here else limit for joint, here, limit in pairs])
+
+
+def _joint_limits(path: str | Path) -> Mapping:
+    """The mapping of a joint_limits.yaml, by joint."""
+    try:
+        table = yaml.safe_load(Path(path).read_text())["joint_limits"]
+    except (OSError, yaml.YAMLError, TypeError, KeyError) as error:
+        raise RobotError(f"{path} must be a YAML file with a mapping `joint_limits`: {error}") from error
+    if not isinstance(table, Mapping):
+        raise RobotError(f"{path}: joint_limits is {table}; it must hold joints with their limits")
+    return table
+
+
+def read_urdf(path: str | Path) -> ElementTree.Element:
+    """The root of a URDF file. RobotError: it cannot be read, or is none."""
     try:
         root = ElementTree.parse(path).getroot()
     except (OSError, ElementTree.ParseError) as error:
@@ -119,6 +142,10 @@ def _joints_from_base(
                 f"joint '{joint.get('name')}' is of type '{joint.get('type')}'; "
                 f"a chain may have {', '.join(MOVING)} and fixed joints"
             )
+        if (mimic := joint.find("mimic")) is not None:
+            raise RobotError(
+                f"joint '{joint.get('name')}' mimics '{mimic.get('joint')}': a chain may not have mimic joints"
+            )
         chain.append(joint)
         link = joint.find("parent").get("link")
     return chain[::-1]
@@ -133,7 +160,7 @@ def _limits(joint: ElementTree.Element) -> tuple[float, float, float]:
             f"joint '{name}' lacks the limit {', '.join(missing)}: "
             f'write <limit lower=".." upper=".." velocity=".." effort=".."/> with all of {", ".join(wanted)}'
         )
-    values = {key: _floats(limit.get(key), 1, f"limit {key} of joint '{name}'")[0] for key in wanted}
+    values = {key: read_floats(limit.get(key), 1, f"limit {key} of joint '{name}'")[0] for key in wanted}
     lower, upper = values.get("lower", -np.inf), values.get("upper", np.inf)
     if not (lower < upper and values["velocity"] > 0.0):
         raise RobotError(
@@ -143,12 +170,13 @@ def _limits(joint: ElementTree.Element) -> tuple[float, float, float]:
     return lower, upper, values["velocity"]
 
 
-def _origin(joint: ElementTree.Element) -> tuple[np.ndarray, np.ndarray]:
-    origin, name = joint.find("origin"), joint.get("name")
+def read_origin(element: ElementTree.Element, subject: str) -> tuple[np.ndarray, np.ndarray]:
+    """Rotation (3, 3) and translation (3,) [m] of an element's <origin>; none is the identity."""
+    origin = element.find("origin")
     if origin is None:
         return np.eye(3), np.zeros(3)
-    angles = _floats(origin.get("rpy", "0 0 0"), 3, f"origin rpy of joint '{name}'")
-    translation = _floats(origin.get("xyz", "0 0 0"), 3, f"origin xyz of joint '{name}'")
+    angles = read_floats(origin.get("rpy", "0 0 0"), 3, f"origin rpy of {subject}")
+    translation = read_floats(origin.get("xyz", "0 0 0"), 3, f"origin xyz of {subject}")
     return Rotation.from_euler("xyz", angles).as_matrix(), np.array(translation)
 
 
@@ -157,13 +185,14 @@ def _axis(joint: ElementTree.Element) -> np.ndarray:
         return np.zeros(3)
     element, name = joint.find("axis"), joint.get("name")
     text = "1 0 0" if element is None else element.get("xyz", "1 0 0")
-    axis = np.array(_floats(text, 3, f"axis of joint '{name}'"))
+    axis = np.array(read_floats(text, 3, f"axis of joint '{name}'"))
     if not np.linalg.norm(axis) > 0.0:
         raise RobotError(f"the axis of joint '{name}' is zero: it must be a direction")
     return axis / np.linalg.norm(axis)
 
 
-def _floats(text: str, count: int, what: str) -> list[float]:
+def read_floats(text: str, count: int, what: str) -> list[float]:
+    """Finite numbers out of an attribute; RobotError: there are others, or another number of them."""
     try:
         values = [float(word) for word in text.split()]
     except ValueError:
@@ -174,7 +203,7 @@ def _floats(text: str, count: int, what: str) -> list[float]:
 
 
 def _positive(table: Mapping, joint: str, key: str, path: str | Path) -> float:
-    entry = table.get(joint) if isinstance(table, Mapping) else None
+    entry = table.get(joint)
     value = entry.get(key) if isinstance(entry, Mapping) else None
     if isinstance(value, bool) or not isinstance(value, (int, float)) or not 0.0 < value < np.inf:
         raise RobotError(f"{key} of joint '{joint}' in {Path(path).name} is {value}: expected a positive number")

@@ -1,4 +1,4 @@
-"""A scripted teacher who guides the whole arm: joint-space demonstrations made by a simulated Panda.
+"""A scripted teacher who guides the whole arm: joint-space demonstrations made by a simulated arm.
 
 A tool pose leaves the arm a circle of elbows. The teacher says both: the pose of the tool along the motion, made up as
 in `simulation.teacher` (laws, a hidden style of two numbers, a slow unsteady hand), and the swivel angle of the elbow
@@ -30,6 +30,7 @@ from scipy.spatial.transform import Rotation
 
 from geodesic_motion_ros.demonstrations.joint_demonstrations import JointDemonstration, JointDemonstrations
 from geodesic_motion_ros.geometry.quaternions import continuous_signs, from_rotation, rotate_by, slerp
+from geodesic_motion_ros.robot.description import DEFAULT_ROBOT
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.robot.swivel import elbow_position, solve_with_swivel
 from geodesic_motion_ros.simulation.gestures import (
@@ -55,8 +56,6 @@ from geodesic_motion_ros.simulation.teacher import (
 )
 from geodesic_motion_ros.simulation.trajectory_player import JointWaypoints
 from geodesic_motion_ros.utils.errors import DemonstrationError, RobotError
-
-ROBOT_NAME = "panda"
 
 LIMIT_MARGIN = 0.05
 """Demonstrations stay this far [rad] inside the position limits."""
@@ -250,7 +249,7 @@ def performed(guidances: Sequence[Guidance], progress: Callable[[Iterable], Iter
     """
     with TabletopWorld(rate_hz=RATE_HZ * STEPS_PER_SAMPLE) as world:
         items = tuple(perform(world, guidance) for guidance in progress(guidances))
-        return JointDemonstrations(items, world.robot.joint_names, ROBOT_NAME)
+        return JointDemonstrations(items, world.robot.joint_names, DEFAULT_ROBOT)
 
 
 def perform(world: TabletopWorld, guidance: Guidance) -> JointDemonstration:

@@ -31,6 +31,10 @@ with _without_standard_error():
     import pybullet
 
 
+#: What PyBullet raises.
+PhysicsError = pybullet.error
+
+
 class PhysicsClient:
     """PyBullet's functions bound to a server of their own, so that worlds in one process never mix.
 

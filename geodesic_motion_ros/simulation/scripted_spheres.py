@@ -162,7 +162,7 @@ def crossing(
     )
 
 
-#: Obstacles in front of the Panda, for a twin started without a task of its own.
+#: Obstacles in front of the arm, for a twin started without a task of its own.
 NAMED: dict[str, dict[str, dict]] = {
     "empty": {},
     "static": {"post": {"kind": "static", "centre": [0.45, -0.10, 0.30], "radius": 0.05}},

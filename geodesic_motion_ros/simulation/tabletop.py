@@ -1,15 +1,17 @@
-"""A table with things on it: bodies of simple shape that stand around the arm of a `PandaWorld`."""
+"""A table with things on it: bodies of simple shape that stand around the arm of an `ArmWorld`."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 
 from geodesic_motion_ros.geometry.quaternions import to_rotation
 from geodesic_motion_ros.planning.declared_scene import DeclaredScene
-from geodesic_motion_ros.simulation.world import PandaWorld
+from geodesic_motion_ros.robot.description import DEFAULT_ROBOT
+from geodesic_motion_ros.simulation.world import ArmWorld
 from geodesic_motion_ros.utils.errors import ParameterError
 
 UPRIGHT = (1.0, 0.0, 0.0, 0.0)
@@ -61,13 +63,13 @@ def fixed_to(position: np.ndarray, quaternion: np.ndarray, part: Cylinder) -> Cy
     return Cylinder(tuple(centre), part.radius, part.height, part.colour, tuple(np.roll(turned, 1)))
 
 
-class TabletopWorld(PandaWorld):
-    """A `PandaWorld` with the table of config/scenes, on which cylinders stand: solid ones, which the arm can hit, and
+class TabletopWorld(ArmWorld):
+    """An `ArmWorld` with the table of config/scenes, on which cylinders stand: solid ones, which the arm can hit, and
     ones only to look at.
     """
 
-    def __init__(self, gui: bool = False, rate_hz: float = 240.0) -> None:
-        super().__init__(gui, rate_hz, DeclaredScene.named("table"))
+    def __init__(self, gui: bool = False, rate_hz: float = 240.0, robot: str | Path = DEFAULT_ROBOT) -> None:
+        super().__init__(gui, rate_hz, DeclaredScene.named("table"), robot)
         self._solid: list[int] = []
         self._seen: list[int] = []
 

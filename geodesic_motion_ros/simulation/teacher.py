@@ -1,4 +1,4 @@
-"""A scripted teacher: demonstrations made by a simulated Panda, for experiments that recordings do not allow.
+"""A scripted teacher: demonstrations made by a simulated arm, for experiments that recordings do not allow.
 
 Two tasks. *Pouring*: a bottle that may stand anywhere in one region is carried to a cup that may stand anywhere in
 another, and tilted over it. *Passing*: something is taken from one area to another past a pillar, on its left or on
@@ -14,7 +14,7 @@ The *style* is two hidden numbers of standard normal distribution a demonstratio
 bulge) and how early (tilt, and where the path bends) it is done this time, worth 5 to 15 mm at one standard
 deviation. The *hand* adds three slow waves that vanish at both ends. Neither can be inferred from start and goal. The
 wanted curve is then followed by the arm in PyBullet and what is returned is what the arm did: positions and
-orientations of `panda_grasptarget` at 100 Hz, in the base frame `panda_link0`.
+orientations of the tool link at 100 Hz, in the base frame.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""The digital twin: a Panda in PyBullet that follows tool poses or joint positions, in a declared scene, among moving
+"""The digital twin: an arm in PyBullet that follows tool poses or joint positions, in a declared scene, among moving
 spheres.
 """
 
@@ -12,18 +12,18 @@ import pybullet_data
 from scipy.spatial.transform import Rotation
 
 from geodesic_motion_ros.planning.declared_scene import MASSIVE, DeclaredScene
+from geodesic_motion_ros.robot.description import DEFAULT_ROBOT, RobotDescription
 from geodesic_motion_ros.robot.inverse_kinematics import checked_pose, solve
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.simulation.camera import take_picture, view_named
+from geodesic_motion_ros.simulation.free_drive import FreeDrive
 from geodesic_motion_ros.simulation.joint_motion import JointMotion
-from geodesic_motion_ros.simulation.physics_client import PhysicsClient
+from geodesic_motion_ros.simulation.physics_client import PhysicsClient, PhysicsError
 from geodesic_motion_ros.simulation.target_stream import TargetStream
 from geodesic_motion_ros.simulation.trajectory_player import JointWaypoints, TrajectoryPlayer
 from geodesic_motion_ros.utils.errors import ParameterError, RobotError
 
-PANDA_URDF = Path(pybullet_data.getDataPath()) / "franka_panda" / "panda.urdf"
 SMOOTH_SPHERE = Path(pybullet_data.getDataPath()) / "sphere_smooth.obj"  # of radius one
-FINGER_OPENING = 0.02
 # Share of a position error that PyBullet's motor removes in one step.
 POSITION_GAIN = 0.5
 OBSTACLE_COLOURS = (
@@ -36,8 +36,8 @@ OBSTACLE_COLOURS = (
 SCENE_COLOUR = (0.72, 0.75, 0.79, 1.0)
 
 
-class PandaWorld:
-    """A Panda in a declared scene, with gravity, joint motors, kinematic spheres as obstacles, and a camera.
+class ArmWorld:
+    """An arm in a declared scene, with gravity, joint motors, kinematic spheres as obstacles, and a camera.
 
     Each world is a physics server of its own, so several may live in one process. Base frame = world frame.
 
@@ -46,6 +46,7 @@ class PandaWorld:
     gui : open PyBullet's window instead of running headless.
     rate_hz : physics steps per second of simulated time.
     scene : what always stands around the arm; None: nothing. Keep-out boxes and workspaces are no bodies.
+    robot : name of a shipped robot, or the path of a folder.
 
     Attributes
     ----------
@@ -53,10 +54,16 @@ class PandaWorld:
     clock_offset : what the clock that begins of trajectories are given on shows [s] when `time` is 0; 0 after a reset.
     """
 
-    def __init__(self, gui: bool = False, rate_hz: float = 240.0, scene: DeclaredScene | None = None) -> None:
+    def __init__(
+        self,
+        gui: bool = False,
+        rate_hz: float = 240.0,
+        scene: DeclaredScene | None = None,
+        robot: str | Path = DEFAULT_ROBOT,
+    ) -> None:
         if not 100.0 <= rate_hz <= 2000.0:
             raise ParameterError(f"rate_hz is {rate_hz}: physics runs at 100 to 2000 steps per second")
-        self.robot = Robot.panda()
+        self.robot = Robot.named(robot)
         # worked out and compiled now, not at the first target
         self._reach = self.robot.reach
         _compile_player(self.robot.ready)
@@ -64,7 +71,7 @@ class PandaWorld:
         self._client = PhysicsClient(gui)
         self._obstacles: dict[str, tuple[int, float]] = {}
         self._decorations: list[int] = []
-        self._build(gui, scene or DeclaredScene.empty())
+        self._build(gui, scene or DeclaredScene.empty(), RobotDescription.named(robot))
         self.reset()
 
     def reset(
@@ -72,10 +79,10 @@ class PandaWorld:
         joint_positions: np.ndarray | None = None,
         tool_pose: tuple[np.ndarray, np.ndarray] | None = None,
     ) -> None:
-        """Put the arm at rest: at joint positions (7,) [rad], at a tool pose, or else at `robot.ready`.
+        """Put the arm at rest: at joint positions (eta,) [rad], at a tool pose, or else at `robot.ready`.
 
         A tool pose (position, quaternion) goes through inverse kinematics. Obstacles and curves stay, time
-        starts again at zero.
+        starts again at zero. Free drive has ended.
 
         Raises
         ------
@@ -87,12 +94,14 @@ class PandaWorld:
             start = self.robot.checked(joint_positions)
         for index, position in zip(self._joints, start, strict=True):
             self._client.resetJointState(self._arm, index, position, 0.0)
-        for index in self._fingers:
-            self._client.resetJointState(self._arm, index, FINGER_OPENING, 0.0)
+        for index, position in self._beside.items():
+            self._client.resetJointState(self._arm, index, position, 0.0)
         self.time = self.clock_offset = 0.0
         self._motion = JointMotion(self.robot, start)
         self._target: TargetStream | TrajectoryPlayer | None = None
         self._posture: np.ndarray | None = None
+        self._free: FreeDrive | None = None
+        self._hand: tuple[np.ndarray, np.ndarray] | None = None
         self._drive(start, np.zeros(len(start)))
         self._client.performCollisionDetection()
 
@@ -101,15 +110,16 @@ class PandaWorld:
     ) -> None:
         """Follow a tool pose from now on: (3,) [m] and unit quaternion (4,), scalar first, base frame.
 
-        posture : (7,) [rad] the configuration that is to hold it; None: one that is drawn gently to `Robot.ready`.
+        posture : (eta,) [rad] the configuration that is to hold it; None: one that is drawn gently to `Robot.ready`.
 
         To be called at a steady rate, as 100 Hz: in between the target moves on with the stream's velocity.
 
         Raises
         ------
-        RobotError : the pose is not finite or beyond the arm's reach, or the posture is outside the joints' limits; the
-            target stays what it was.
+        RobotError : the pose is not finite or beyond the arm's reach, or the posture is outside the joints' limits, or
+            the arm is in free drive; the target stays what it was.
         """
+        self._refuse_in_free_drive()
         position, quaternion = checked_pose(position, quaternion)
         posture = None if posture is None else self.robot.checked(posture)
         if not self.robot.within_reach(position):
@@ -133,8 +143,10 @@ class PandaWorld:
 
         Raises
         ------
-        RobotError : it is of another number of joints, or ends in the past; the target stays what it was.
+        RobotError : it is of another number of joints, or ends in the past, or the arm is in free drive; the target
+            stays what it was.
         """
+        self._refuse_in_free_drive()
         joints = waypoints.positions.shape[1]
         if joints != len(self.robot.joint_names):
             raise RobotError(f"a trajectory of {joints} joints: expected {', '.join(self.robot.joint_names)}")
@@ -144,6 +156,38 @@ class PandaWorld:
             player = TrajectoryPlayer(self._motion.positions, self._motion.velocities)
         player.replace(waypoints, begin, self.time + self.clock_offset)
         self._target = player
+
+    def begin_free_drive(self) -> None:
+        """Compensate gravity and follow no target from now on: the arm goes where it is pulled (`free_drive.py`)."""
+        if self._free is None:
+            (tool,) = (link for link, name in self._link_names.items() if name == self.robot.tool_link)
+            self._free = FreeDrive(self._client, self.robot, self._arm, self._joints, tool)
+            self.hold()
+
+    def end_free_drive(self) -> None:
+        """Brake to rest from where the arm is, and hold there until the next target."""
+        if self._free is None:
+            return
+        self._free = self._hand = None
+        self._motion = JointMotion(self.robot, np.clip(self.joint_positions, self.robot.lower, self.robot.upper))
+        fastest = self.robot.velocity_limits
+        self._motion.velocities = np.clip(self.joint_velocities, -fastest, fastest)
+
+    def pull(self, position: np.ndarray, quaternion: np.ndarray) -> None:
+        """Let a hand draw the tool to a pose in free drive: (3,) [m], unit quaternion (4,), scalar first, base frame.
+
+        Raises
+        ------
+        RobotError : the pose is not finite, or the arm is not in free drive.
+        """
+        hand = checked_pose(position, quaternion)
+        if self._free is None:
+            raise RobotError("the arm is not in free drive: it is held by its motors")
+        self._hand = hand
+
+    def let_go(self) -> None:
+        """Pull no more."""
+        self._hand = None
 
     def hold(self) -> None:
         """Brake to rest inside the acceleration limits and stay there until the next target."""
@@ -163,6 +207,15 @@ class PandaWorld:
 
     def step(self) -> None:
         """Advance the world by `dt` [s]."""
+        if self._free is not None:
+            self._free.torque(self._hand)
+        else:
+            self._follow()
+        self._client.stepSimulation()
+        self.time += self.dt
+
+    def _follow(self) -> None:
+        """Turn the motors to where the target will be after a step, or to where the arm brakes."""
         before = self._motion.positions
         if self._target is None:
             self._motion.stop(self.dt)
@@ -174,22 +227,20 @@ class PandaWorld:
             self._motion.follow_joints(present, ahead, self.dt)
         # the motor adds its share of the position error to the velocity given: the error must be that of now
         self._drive(before, self._motion.velocities)
-        self._client.stepSimulation()
-        self.time += self.dt
 
     @property
     def joint_positions(self) -> np.ndarray:
-        """Measured joint positions (7,) [rad]."""
+        """Measured joint positions (eta,) [rad]."""
         return np.array([state[0] for state in self._client.getJointStates(self._arm, self._joints)])
 
     @property
     def joint_velocities(self) -> np.ndarray:
-        """Measured joint velocities (7,) [rad/s]."""
+        """Measured joint velocities (eta,) [rad/s]."""
         return np.array([state[1] for state in self._client.getJointStates(self._arm, self._joints)])
 
     @property
     def commanded_positions(self) -> np.ndarray:
-        """Joint positions (7,) [rad] that the motors are to reach by now."""
+        """Joint positions (eta,) [rad] that the motors are to reach by now."""
         return self._motion.positions.copy()
 
     def tool_pose(self) -> tuple[np.ndarray, np.ndarray]:
@@ -235,13 +286,12 @@ class PandaWorld:
         for body, name in self._scene.items():
             for point in closest(self._arm, body, cutoff):
                 # what the base is mounted on touches it
-                if point[3] >= 0 and point[8] < nearest[0]:
+                if self._turned[point[3]] and point[8] < nearest[0]:
                     nearest = (point[8], f"{self._link_names[point[3]]} and '{name}'")
         for point in closest(self._arm, self._arm, cutoff):
             one, other = point[3], point[4]
             # what is mounted on the flange moves with the last joint
-            apart = abs(min(one, len(self._joints) - 1) - min(other, len(self._joints) - 1))
-            if apart >= 2 and point[8] < nearest[0]:
+            if abs(self._turned[one] - self._turned[other]) >= 2 and point[8] < nearest[0]:
                 nearest = (point[8], f"{self._link_names[one]} and {self._link_names[other]}")
         return nearest
 
@@ -254,7 +304,7 @@ class PandaWorld:
             name: self._link_names[point[3]]
             for body, name in {**self._scene, **bodies}.items()
             for point in self._client.getContactPoints(self._arm, body)
-            if point[8] <= 0.0 and (point[3] >= 0 or body in bodies)
+            if point[8] <= 0.0 and (self._turned[point[3]] or body in bodies)
         }
 
     def add_curve(self, points: np.ndarray, colour: tuple[float, float, float], radius: float = 0.004) -> None:
@@ -284,13 +334,13 @@ class PandaWorld:
         if self._client.isConnected():
             self._client.disconnect()
 
-    def __enter__(self) -> PandaWorld:
+    def __enter__(self) -> ArmWorld:
         return self
 
     def __exit__(self, *_: object) -> None:
         self.close()
 
-    def _build(self, gui: bool, scene: DeclaredScene) -> None:
+    def _build(self, gui: bool, scene: DeclaredScene, described: RobotDescription) -> None:
         client = self._client
         if gui:
             client.configureDebugVisualizer(client.COV_ENABLE_GUI, 0)
@@ -302,16 +352,27 @@ class PandaWorld:
             for name, solid, kind in zip(scene.names, scene.solids, scene.kinds, strict=True)
             if kind in MASSIVE
         }
-        self._arm = client.loadURDF(str(PANDA_URDF), useFixedBase=True)
+        self._arm = load_arm(client, described)
         infos = [client.getJointInfo(self._arm, index) for index in range(client.getNumJoints(self._arm))]
         index_of = {info[1].decode(): info[0] for info in infos}
+        for name in (*self.robot.joint_names, *described.simulated_joints):
+            if name not in index_of:
+                raise RobotError(f"joint '{name}' is not in {described.simulated_urdf}; it has {', '.join(index_of)}")
         self._joints = [index_of[name] for name in self.robot.joint_names]
         self._forces = [infos[index][10] for index in self._joints]
-        self._fingers = [index_of["panda_finger_joint1"], index_of["panda_finger_joint2"]]
-        self._link_names = {info[0]: info[12].decode() for info in infos} | {-1: self.robot.base_link}
-        client.setJointMotorControlArray(
-            self._arm, self._fingers, client.POSITION_CONTROL, [FINGER_OPENING] * 2, forces=[20.0] * 2
-        )
+        self._beside = {index_of[name]: position for name, position in described.simulated_joints.items()}
+        self._link_names = {info[0]: info[12].decode() for info in infos}
+        self._link_names[-1] = client.getBodyInfo(self._arm)[0].decode()
+        # How many of the arm's joints move a link; parents come before their children.
+        self._turned = {-1: 0}
+        for info in infos:
+            self._turned[info[0]] = self._turned[info[16]] + (info[0] in self._joints)
+        for index, position in self._beside.items():
+            client.setJointMotorControl2(self._arm, index, client.POSITION_CONTROL, position, force=20.0)
+
+    def _refuse_in_free_drive(self) -> None:
+        if self._free is not None:
+            raise RobotError("the arm is in free drive, where it follows no target: end that first")
 
     def _drive(self, positions: np.ndarray, velocities: np.ndarray) -> None:
         count = len(positions)
@@ -348,6 +409,32 @@ class PandaWorld:
         size = np.linalg.norm(turn)
         turn = turn / size if size > 1e-9 else np.array([1.0, 0.0, 0.0, 0.0])
         return client.createMultiBody(0.0, -1, look, basePosition=0.5 * (start + end), baseOrientation=turn)
+
+
+def load_arm(client: PhysicsClient, described: RobotDescription) -> int:
+    """An arm from the URDF of its folder for the simulation, its base link in the origin; PyBullet's number.
+
+    Raises
+    ------
+    RobotError : PyBullet cannot read the URDF or a mesh, or it lacks the base link.
+    """
+    urdf = described.simulated_urdf
+    if urdf.startswith("pybullet_data/"):
+        urdf = str(Path(pybullet_data.getDataPath()) / urdf.removeprefix("pybullet_data/"))
+    try:
+        arm = client.loadURDF(urdf, useFixedBase=True)
+    except PhysicsError as error:
+        raise RobotError(f"PyBullet cannot read {urdf}: are its meshes where it says?") from error
+    infos = [client.getJointInfo(arm, index) for index in range(client.getNumJoints(arm))]
+    if client.getBodyInfo(arm)[0].decode() == described.base_link:
+        return arm
+    base = [info[0] for info in infos if info[12].decode() == described.base_link]
+    if not base:
+        raise RobotError(f"link '{described.base_link}' is not in {urdf}")
+    state = client.getLinkState(arm, base[0], computeForwardKinematics=True)
+    back = Rotation.from_quat(state[5]).inv()
+    client.resetBasePositionAndOrientation(arm, -back.apply(state[4]), back.as_quat())
+    return arm
 
 
 def add_solid(client: PhysicsClient, solid: np.ndarray, kind: str) -> int:

@@ -16,6 +16,7 @@ from geodesic_motion_ros.manifold.decoder import TaskSpaceDecoder
 from geodesic_motion_ros.manifold.encoder import JointSpaceEncoder, TaskSpaceEncoder
 from geodesic_motion_ros.manifold.joint_decoder import JointSpaceDecoder
 from geodesic_motion_ros.manifold.pose_graph import MetricSettings
+from geodesic_motion_ros.robot.description import shipped_robots
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.skill.description import DESCRIPTION, LATENT, METADATA, WEIGHTS, check_description
 from geodesic_motion_ros.skill.joint_sheet import JointSheet
@@ -62,6 +63,7 @@ def read_folder(path: Path) -> dict[str, Any]:
     with _about(path / DESCRIPTION):
         described = read_yaml(content[DESCRIPTION])
         check_description(described)
+        described["robot"] = _robot(described["robot"], path)
         joints = len(Robot.named(described["robot"]).joint_names)
     for name, digest in described["sha256"].items():
         content[name] = _content(path, name)
@@ -80,6 +82,12 @@ def read_folder(path: Path) -> dict[str, Any]:
     with _about(path / WEIGHTS):
         _check_decoded(decoder, attributes["codes"], space)
     return attributes
+
+
+def _robot(name: str, path: Path) -> str:
+    """A robot's name, or the path of its folder, which a skill may give relative to its own."""
+    inside = path / name
+    return str(inside.resolve()) if name not in shipped_robots() and inside.is_dir() else name
 
 
 def _content(path: Path, name: str) -> bytes:

@@ -29,6 +29,7 @@ from geodesic_motion_ros.manifold.decoder import TaskSpaceDecoder
 from geodesic_motion_ros.manifold.joint_decoder import JointSpaceDecoder
 from geodesic_motion_ros.manifold.mean_path import MeanPaths
 from geodesic_motion_ros.manifold.pose_graph import MetricSettings, PoseGraph, build_pose_graph
+from geodesic_motion_ros.robot.description import DEFAULT_ROBOT
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.skill.description import DESCRIPTION, FILES, FORMAT_VERSION, LATENT, METADATA, WEIGHTS
 from geodesic_motion_ros.skill.folder import CANONICAL_ARRAYS, LARGEST_DESCRIPTION, LATENT_ARRAYS, read_folder
@@ -55,7 +56,7 @@ class LearnedModel:
     Attributes
     ----------
     space : "task", what is learned are poses of the tool, or "joint", configurations of the whole arm.
-    name, robot : what it is called, and of which robot it is.
+    name, robot : what it is called, and of which robot it is: the name of a shipped one, or the path of a folder.
     decoder : numpy decoder.
     codes : (N, T, d) latent means of the demonstrations by arc length; with antipodal doubling both signs, (2N, T, d).
     canonical : the endpoint-normalised demonstrations and the offsets that were taken out of them before the training;
@@ -73,7 +74,7 @@ class LearnedModel:
     latent_upper: np.ndarray
     sigma_support: float
     space: Literal["task", "joint"] = "task"
-    robot: str = "panda"
+    robot: str = DEFAULT_ROBOT
     metric: MetricSettings | JointMetricSettings = field(default_factory=MetricSettings)
     canonical: CanonicalSheet | JointSheet | None = None
     orientation_model: Literal["two_cluster", "sign_blind", "none"] = "two_cluster"
@@ -148,8 +149,8 @@ class Skill(LearnedModel):
     energy_per_edge: float
     start_pose: np.ndarray
     goal_pose: np.ndarray
-    base_frame: str = "panda_link0"
-    tool_frame: str = "panda_grasptarget"
+    base_frame: str
+    tool_frame: str
     encoder_arrays: dict[str, np.ndarray] = field(default_factory=dict)
     quality: dict[str, Any] = field(default_factory=dict)
     provenance: dict[str, Any] = field(default_factory=dict)

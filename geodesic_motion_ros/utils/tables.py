@@ -8,6 +8,8 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+from geodesic_motion_ros.utils.whole_files import written_whole
+
 Cell = str | int | float | None
 
 
@@ -28,14 +30,9 @@ def write_json(path: str | Path, content: Any) -> Path:
     A file is whole or as it was before, whenever the program is interrupted.
     """
     target, text = Path(path), json.dumps(_plain(content), indent=1, allow_nan=False) + "\n"
-    if target.exists() and not target.is_file():  # a pipe or a terminal
-        target.write_text(text)
-        return target
     target.parent.mkdir(parents=True, exist_ok=True)
-    whole = target.resolve()
-    part = whole.with_name(f"{whole.name}.part")
-    part.write_text(text)
-    part.replace(whole)
+    with written_whole(target) as part:
+        part.write_text(text)
     return target
 
 

@@ -15,7 +15,7 @@ from geodesic_motion_ros.robot.body_points import place_body_points
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.utils.errors import DemonstrationError
 
-ROBOT, METRIC = Robot.panda(), JointMetricSettings()
+ROBOT, METRIC = Robot.named("panda"), JointMetricSettings()
 
 
 @pytest.fixture(scope="module")

@@ -7,7 +7,7 @@ from geodesic_motion_ros.demonstrations.joint_demonstrations import JointDemonst
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.utils.errors import DemonstrationError
 
-ROBOT = Robot.panda()
+ROBOT = Robot.named("panda")
 
 
 def arrays(samples: int = 50) -> dict[str, np.ndarray]:

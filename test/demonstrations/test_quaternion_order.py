@@ -25,7 +25,7 @@ def real(recordings: Path, task: str) -> Demonstrations:
     if task in ("pouring", "bottle2shelf"):
         return read_demonstrations(recordings / "robotasks" / f"{task}.npy", "cm")
     joints = read_joint_demonstrations(recordings / "joints" / f"panda_{task}.csv", "panda")
-    return joints.tool_demonstrations(Robot.panda())
+    return joints.tool_demonstrations(Robot.named("panda"))
 
 
 @pytest.mark.parametrize(

@@ -208,7 +208,7 @@ def test_missing_foreign_and_damaged_files_are_refused(tmp_path, recording):
     with pytest.raises(DemonstrationError, match=r"missing.npy: cannot be read \(No such file"):
         read_demonstrations(tmp_path / "missing.npy", "cm")
     (tmp_path / "folder.csv").mkdir()
-    with pytest.raises(DemonstrationError, match=r"folder.csv: is a directory; a regular file is needed"):
+    with pytest.raises(DemonstrationError, match=r"folder.csv: is a directory without .csv files"):
         read_demonstrations(tmp_path / "folder.csv", "cm")
     with pytest.raises(DemonstrationError, match=r"cannot read '.bag' files, only .npy, .npz, .csv"):
         read_demonstrations(tmp_path / "pour.bag", "cm")
@@ -302,7 +302,7 @@ def test_real_letters(recordings):
     assert not letters.has_orientation
 
 
-PANDA = Robot.panda()
+PANDA = Robot.named("panda")
 
 
 def joint_arrays(**changes) -> dict[str, np.ndarray]:
@@ -409,3 +409,35 @@ def test_what_cannot_be_read_is_no_recording_of_joints(content, suffix, tmp_path
     (tmp_path / f"broken.{suffix}").write_bytes(content)
     assert not holds_joints(tmp_path / f"broken.{suffix}")
     assert not holds_joints(tmp_path / f"missing.{suffix}")
+
+
+class TestFolders:
+    """A folder of csv files is one recording."""
+
+    def test_its_files_are_read_by_name(self, tmp_path, recording):
+        rows = rows_of(recording)
+        for i in (2, 0, 1):
+            write_csv(tmp_path / f"part_{i}.csv", HEADER, [row for row in rows if row[0] == f"d{i}"])
+        (tmp_path / "notes.txt").write_text("nothing to read")
+        (tmp_path / "part_3.csv.part").write_text("half of a")
+        demonstrations = read_demonstrations(tmp_path, "cm")
+        assert_holds(demonstrations, recording)
+        assert [item.name for item in demonstrations] == ["d0", "d1", "d2"]
+        assert not holds_joints(tmp_path)
+
+    def test_its_joints_are_found(self, tmp_path):
+        robot = Robot.named("panda")
+        rows = [["d", 0.1 * number, *robot.ready] for number in range(3)]
+        write_csv(tmp_path / "d.csv", ["demonstration", "t", *robot.joint_names], rows)
+        assert holds_joints(tmp_path)
+        assert len(read_joint_demonstrations(tmp_path, "panda")) == 1
+
+    def test_a_demonstration_in_two_files_is_named_by_the_second(self, tmp_path, recording):
+        for name in ("one.csv", "two.csv"):
+            write_csv(tmp_path / name, HEADER, rows_of(recording[:1]))
+        with pytest.raises(DemonstrationError, match=r"two\.csv: another file of the folder has a demonstration 'd0'"):
+            read_demonstrations(tmp_path, "cm")
+
+    def test_a_folder_without_any_is_refused(self, tmp_path):
+        with pytest.raises(DemonstrationError, match=r"is a directory without \.csv files"):
+            read_demonstrations(tmp_path, "cm")

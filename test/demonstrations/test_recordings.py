@@ -30,7 +30,7 @@ def in_one_go(curves) -> np.ndarray:
 
 
 def joint_states(values: np.ndarray, stamps: np.ndarray | None = None) -> list:
-    names = Robot.panda().joint_names
+    names = Robot.named("panda").joint_names
     times = 1_700_000_000.0 + np.arange(len(values)) / HZ
     stamps = times if stamps is None else stamps
     random = np.random.default_rng(0)
@@ -49,7 +49,7 @@ def read(path: Path, **how) -> Recording:
 def curves() -> list[np.ndarray]:
     """Five motions of three seconds of a Panda, from starts that vary to one goal."""
     random = np.random.default_rng(1)
-    ready = Robot.panda().ready
+    ready = Robot.named("panda").ready
     share = (0.5 - 0.5 * np.cos(np.pi * np.linspace(0.0, 1.0, 300)))[:, None]
     goal = ready + np.array([0.9, 0.3, 0.0, 0.2, 0.0, 0.1, 0.4])
     starts = ready + random.normal(0.0, 0.04, (5, 7))

@@ -15,7 +15,7 @@ from geodesic_motion_ros.demonstrations.writers import save_demonstrations, save
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.utils.errors import DemonstrationError
 
-ROBOT = Robot.panda()
+ROBOT = Robot.named("panda")
 
 
 def shown(samples: tuple[int, ...]) -> Demonstrations:

@@ -57,7 +57,7 @@ def skill(skill_folder: Path) -> Skill:
 @pytest.fixture(scope="session")
 def start_joints(skill: Skill) -> np.ndarray:
     """Joint positions (7,) [rad] at the skill's start."""
-    return solve(Robot.panda(), skill.start_pose[:3], skill.start_pose[3:])
+    return solve(Robot.named("panda"), skill.start_pose[:3], skill.start_pose[3:])
 
 
 class Bench:
@@ -216,7 +216,7 @@ class Bench:
 
         def send() -> None:
             stamp = self.probe.get_clock().now().to_msg()
-            shown = names or Robot.panda().joint_names
+            shown = names or Robot.named("panda").joint_names
             publisher.publish(messages.joint_state_message(shown, arm, np.zeros(len(arm)), stamp))
 
         def follow(message: JointState) -> None:

@@ -53,7 +53,7 @@ def cut_cloud() -> PointCloud2:
     return PointCloud2(header=Header(frame_id=BASE), height=1, width=5, point_step=12, row_step=60, data=b"123")
 
 
-PANDA = Robot.panda().joint_names
+PANDA = Robot.named("panda").joint_names
 
 REFUSED = {
     "NaN obstacle": (MarkerArray, "obstacles", bad_marker(x=math.nan), "centre holds nan"),
@@ -146,7 +146,7 @@ class TestBadInput:
         bench.send_joint_states(np.array([0.04, *reversed(start_joints)]), names)
         bench.wait_for_code("NO_GOAL")
         point = bench.wait(lambda: bench.heard["target_pose"], "a target pose")[-1].pose.position
-        expected, _ = Robot.panda().forward(start_joints)
+        expected, _ = Robot.named("panda").forward(start_joints)
         np.testing.assert_allclose([point.x, point.y, point.z], expected, atol=1e-9)
 
 

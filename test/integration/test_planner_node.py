@@ -39,7 +39,7 @@ class TestStates:
         bench.wait_for_code("OK")
 
     def test_holds_where_the_arm_is_until_there_is_a_goal(self, ready, start_joints):
-        position, _ = Robot.panda().forward(start_joints)
+        position, _ = Robot.named("panda").forward(start_joints)
         target = ready.wait(lambda: ready.heard["target_pose"], "a target pose")[-1]
         assert target.header.frame_id == BASE
         point = target.pose.position
@@ -77,7 +77,7 @@ class TestStates:
         moved = start_joints + np.array([0.03, 0, 0, 0, 0, 0, 0])
         bench.send_joint_states(moved, follows=False)
         bench.wait_for_code("NO_GOAL", "goal dropped: the arm was")
-        expected, _ = Robot.panda().forward(moved)
+        expected, _ = Robot.named("panda").forward(moved)
         heard = len(bench.heard["target_pose"])
         bench.wait(lambda: len(bench.heard["target_pose"]) > heard + 20, "further target poses")
         point = bench.heard["target_pose"][-1].pose.position

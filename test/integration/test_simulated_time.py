@@ -15,7 +15,7 @@ from geodesic_motion_ros.nodes.twin_node import TwinNode
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.skill.skill import Skill
 
-ROBOT = Robot.panda()
+ROBOT = Robot.named("panda")
 BEGIN = 1000.0
 #: The clock is published so often [s].
 TICK = 0.005

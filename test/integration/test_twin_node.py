@@ -56,11 +56,11 @@ def spawn(bench, spheres: str) -> Trigger.Response:
 
 def test_state_is_that_of_the_arm(twin, start_joints):
     state, pose = twin.heard["joint_states"][-1], twin.heard["ee_pose"][-1]
-    assert tuple(state.name) == tuple(Robot.panda().joint_names)
+    assert tuple(state.name) == tuple(Robot.named("panda").joint_names)
     np.testing.assert_allclose(state.position, start_joints, atol=0.01)
     assert len(state.velocity) == 7
     assert pose.header.frame_id == "panda_link0"
-    np.testing.assert_allclose(position(pose), Robot.panda().forward(np.array(state.position))[0], atol=2e-3)
+    np.testing.assert_allclose(position(pose), Robot.named("panda").forward(np.array(state.position))[0], atol=2e-3)
     assert state.header.stamp.sec > 0
 
 
@@ -153,7 +153,7 @@ def test_starts_where_its_skill_does(bench, skill_folder, start_joints):
 
 
 def test_starts_at_the_mean_configuration_of_a_joint_space_skill(bench, skill, monkeypatch):
-    poles = Robot.panda().ready + np.array([[0.2], [-0.2]])
+    poles = Robot.named("panda").ready + np.array([[0.2], [-0.2]])
     joint_skill = replace(skill, space="joint", canonical=SimpleNamespace(start_poles=poles))
     monkeypatch.setattr(Skill, "load", lambda name: joint_skill)
     bench.add(TwinNode, skill="of the whole arm")
@@ -166,7 +166,7 @@ def test_starts_at_the_ready_pose_without_a_skill(bench):
     bench.add(TwinNode, skill="")
     bench.listen(JointState, "joint_states")
     state = bench.wait(lambda: bench.heard["joint_states"], "the state of the arm")[0]
-    np.testing.assert_allclose(state.position, Robot.panda().ready, atol=0.01)
+    np.testing.assert_allclose(state.position, Robot.named("panda").ready, atol=0.01)
 
 
 def test_a_missing_skill_is_named(bench, tmp_path):

@@ -16,12 +16,13 @@ from trajectory_msgs.msg import JointTrajectory
 from geodesic_motion_ros.nodes.messages import seconds
 from geodesic_motion_ros.nodes.trajectory_bytes import joint_trajectory_bytes
 from geodesic_motion_ros.nodes.twin_node import TwinNode
+from geodesic_motion_ros.robot.description import shipped_robots
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.robot.limits import JointLimits
 from geodesic_motion_ros.trajectory.timing import timed_joint_reference
 from geodesic_motion_ros.trajectory.trajectory import JointReference, joined
 
-ROBOT = Robot.panda()
+ROBOT = Robot.named("panda")
 #: Slow enough that a message or a tick that is late by some milliseconds on a busy machine makes no large error.
 LIMITS = JointLimits.of(ROBOT, speed_scale=0.25, acceleration_scale=0.2)
 START = ROBOT.ready
@@ -50,9 +51,9 @@ def now(bench) -> float:
     return 1e-9 * bench.probe.get_clock().now().nanoseconds
 
 
-def send(bench, reference: JointReference, begin: float) -> None:
+def send(bench, reference: JointReference, begin: float, joint_names: tuple[str, ...] = ROBOT.joint_names) -> None:
     knots = reference.times, reference.positions, reference.velocities, reference.accelerations
-    wire = joint_trajectory_bytes(ROBOT.joint_names, *knots, begin)
+    wire = joint_trajectory_bytes(joint_names, *knots, begin)
     bench.publisher(JointTrajectory, "joint_trajectory").publish(wire)
 
 
@@ -105,6 +106,21 @@ def test_a_trajectory_is_followed_to_its_goal_and_held_without_a_stream(twin):
     wait_for_rest(twin, GOAL)
     assert reference.duration > 3.0 * twin.twin.get_parameter("command_timeout").value
     check_followed(twin, [(reference, begin, begin + reference.duration)])
+
+
+@pytest.mark.parametrize("name", shipped_robots())
+def test_every_shipped_robot_starts_at_ready_and_follows_a_trajectory(bench, name):
+    robot = Robot.named(name)
+    path = robot.ready + np.array([[0.0], [0.3]])
+    reference = timed_joint_reference(path, np.zeros((2, 1)), JointLimits.of(robot, speed_scale=0.5))
+    bench.add(TwinNode, skill="", robot=name)
+    bench.listen(JointState, "joint_states", 1000)
+    state = bench.wait(lambda: bench.heard["joint_states"], "the state of the arm")[0]
+    assert tuple(state.name) == robot.joint_names
+    np.testing.assert_allclose(state.position, robot.ready, atol=0.01)
+    bench.publisher(JointTrajectory, "joint_trajectory")
+    send(bench, reference, now(bench) + 0.1, robot.joint_names)
+    wait_for_rest(bench, path[-1])
 
 
 def test_an_arm_whose_process_stood_still_stays_on_the_path(bench):

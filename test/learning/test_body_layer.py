@@ -16,7 +16,7 @@ from geodesic_motion_ros.robot.body_points import (
 )
 from geodesic_motion_ros.robot.kinematics import Robot
 
-ROBOT = Robot.panda()
+ROBOT = Robot.named("panda")
 BODY = BodyPoints.of(ROBOT, points_along_links(ROBOT, 0.2) | {ROBOT.tool_link: [[0.1, 0.0, 0.0]]})
 
 

@@ -20,7 +20,7 @@ from geodesic_motion_ros.manifold.configuration_graph import JointMetricSettings
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.utils.errors import ParameterError
 
-ROBOT = Robot.panda()
+ROBOT = Robot.named("panda")
 IN_NO_TIME = JointTrainingSettings(
     steps=40, batch=64, hidden=(24, 16), samples=40, kernels=30, precision_samples=1, precision_iterations=20
 )

@@ -20,7 +20,7 @@ from geodesic_motion_ros.manifold.joint_transport import JointOffsets
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.utils.errors import SkillError
 
-ROBOT = Robot.panda()
+ROBOT = Robot.named("panda")
 
 
 def small_graph(skill, code: np.ndarray, reach: float, metric: JointMetricSettings, **options) -> ConfigurationGraph:

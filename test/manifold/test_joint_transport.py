@@ -9,7 +9,7 @@ from geodesic_motion_ros.manifold.joint_transport import JointOffsets
 from geodesic_motion_ros.robot.inverse_kinematics import pose_error
 from geodesic_motion_ros.robot.kinematics import Robot
 
-ROBOT = Robot.panda()
+ROBOT = Robot.named("panda")
 NO_MEAN_PATHS = np.zeros((60, 0))
 S = np.linspace(0.0, 1.0, 60)
 #: Offsets of start and goal [rad], over all joints of length one.

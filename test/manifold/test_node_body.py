@@ -11,7 +11,7 @@ from geodesic_motion_ros.robot.kinematics import Robot
 
 
 def arm_body(count: int = 20, seed: int = 1) -> NodeBody:
-    robot, model = Robot.panda(), CollisionModel.panda()
+    robot, model = Robot.named("panda"), CollisionModel.named("panda")
     random = np.random.default_rng(seed)
     points = random.uniform(-0.5, 0.5, (count, 2, 3))
     radii = np.array([0.05, 0.1])
@@ -19,7 +19,7 @@ def arm_body(count: int = 20, seed: int = 1) -> NodeBody:
 
 
 def test_links_hold_all_their_spheres() -> None:
-    model, body = CollisionModel.panda(), arm_body()
+    model, body = CollisionModel.named("panda"), arm_body()
     assert body.first[-1] == np.count_nonzero(model.moving)
     for g in range(len(body.link_radii)):
         own = slice(body.first[g], body.first[g + 1])

@@ -21,7 +21,7 @@ NODES = 300
 
 
 def body(seed: int = 2) -> NodeBody:
-    robot, model, random = Robot.panda(), CollisionModel.panda(), np.random.default_rng(seed)
+    robot, model, random = Robot.named("panda"), CollisionModel.named("panda"), np.random.default_rng(seed)
     configurations = robot.sample(NODES, random)
     points = np.stack([robot.forward(configuration)[0] for configuration in configurations])[:, None]
     points = np.concatenate([points, 0.5 * points], axis=1)

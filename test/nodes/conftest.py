@@ -38,5 +38,5 @@ def flat_skill() -> Skill:
     return Skill(
         name="flat", decoder=decoder, codes=codes, latent_lower=np.full(2, -1.0), latent_upper=np.full(2, 1.0),
         sigma_support=0.01, energy_per_edge=1.0, start_pose=poses[0], goal_pose=poses[1],
-        metric=MetricSettings(sigma_weight=1.0),
+        metric=MetricSettings(sigma_weight=1.0), base_frame="panda_link0", tool_frame="panda_grasptarget",
     )  # fmt: skip

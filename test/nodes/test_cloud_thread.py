@@ -99,7 +99,7 @@ def test_a_thread_stops_whether_or_not_it_began(work):
 
 
 def test_points_that_could_matter_are_kept():
-    robot, random = Robot.panda(), np.random.default_rng(0)
+    robot, random = Robot.named("panda"), np.random.default_rng(0)
     points = random.uniform(-3.0, 3.0, (2000, 3))
     kept = points_near(points, robot)
     away = np.linalg.norm(points - robot.shoulder, axis=1)

@@ -98,7 +98,7 @@ class TestJointPositions:
         np.testing.assert_array_equal(m.read_joint_positions(message, NAMES), [1.0, 2.0, 3.0])
 
 
-PANDA = Robot.panda()
+PANDA = Robot.named("panda")
 
 
 def trajectory(**fields) -> JointTrajectory:

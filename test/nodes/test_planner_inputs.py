@@ -37,7 +37,8 @@ class Bench:
         self.ros_time_is_active = False
         self.changed = threading.Event()
         self.parameters = PARAMETERS | parameters
-        self.inputs = PlannerInputs(node, self.parameters, Robot.panda(), lambda joints: joints, self.changed.set)
+        robot = Robot.named("panda")
+        self.inputs = PlannerInputs(node, self.parameters, robot, lambda joints: joints, self.changed.set)
         self.inputs._time = NodeTime(self, lambda: self.steady)
 
     def now(self) -> Any:

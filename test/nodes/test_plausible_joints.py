@@ -9,7 +9,7 @@ from geodesic_motion_ros.nodes.messages import MessageRefused
 from geodesic_motion_ros.nodes.plausible_joints import FORGOTTEN, OVERTAKEN, PlausibleJoints
 from geodesic_motion_ros.robot.kinematics import Robot
 
-ROBOT = Robot.panda()
+ROBOT = Robot.named("panda")
 STEP = 0.008
 AWAY = np.array([0.0, 0.0, 0.0, 0.5, 0.0, 0.0, 0.0])
 

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 #: Where the programs begin.
-FOLDERS = {"planner": "nodes", "twin": "nodes", "demo": "demo"}
+FOLDERS = {"planner": "nodes", "twin": "nodes", "record": "nodes", "demo": "demo"}
 # Interrupts its own process at the very moment when a library of the node is looked for.
 INTERRUPTED = """
 import os, signal, sys
@@ -27,7 +27,7 @@ sys.exit({program}())
 """
 
 
-@pytest.mark.parametrize(("program", "code"), [("planner", 0), ("twin", 0), ("demo", 130)])
+@pytest.mark.parametrize(("program", "code"), [("planner", 0), ("twin", 0), ("record", 0), ("demo", 130)])
 @pytest.mark.parametrize("signal", ["SIGINT", "SIGTERM"])
 def test_an_interrupt_while_loading_ends_without_a_traceback(program: str, code: int, signal: str) -> None:
     script = INTERRUPTED.format(library="scipy", signal=signal, program=program, folder=FOLDERS[program])

@@ -20,6 +20,7 @@ from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.skill.skill import Skill
 from geodesic_motion_ros.utils.errors import ParameterError
 
+PANDA = Robot.named("panda")
 DEFAULTS = {parameter.name: parameter.default for parameter in TWIN}
 
 
@@ -31,16 +32,17 @@ def values(**changed: Any) -> dict[str, Any]:
 @pytest.mark.parametrize("name", ["panda_pouring", "panda_reach_to_grasp"])
 def test_a_panda_begins_where_the_skill_does(name: str) -> None:
     skill = Skill.load(name)
-    position, _ = Robot.panda().forward(initial_joints(values(skill=name)))
+    position, _ = PANDA.forward(initial_joints(values(skill=name), PANDA))
     np.testing.assert_allclose(position, skill.start_pose[:3], atol=1e-3)
 
 
 def test_joints_that_are_given_come_before_the_skill() -> None:
     """The control: without them those of the skill."""
-    given = (Robot.panda().ready + 0.1).tolist()
-    chosen = initial_joints(values(skill="panda_pouring", initial_joint_positions=given))
+    given = (PANDA.ready + 0.1).tolist()
+    chosen = initial_joints(values(skill="panda_pouring", initial_joint_positions=given), PANDA)
     np.testing.assert_array_equal(chosen, given)
-    np.testing.assert_array_equal(initial_joints(values(skill="panda_pouring")), start_joints("panda_pouring"))
+    np.testing.assert_array_equal(initial_joints(values(skill="panda_pouring"), PANDA), start_joints("panda_pouring"))
+    np.testing.assert_allclose(initial_joints(values(skill=""), PANDA), PANDA.ready, atol=1e-4)
 
 
 def test_messages_come_no_rarer_than_requested_and_never_at_rate_zero() -> None:

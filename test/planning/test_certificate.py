@@ -21,11 +21,11 @@ from geodesic_motion_ros.robot.body_points import BodyPoints, lever_bounds, plac
 from geodesic_motion_ros.robot.collision_model import CollisionModel
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.robot.limits import JointLimits
-from geodesic_motion_ros.simulation.world import PandaWorld
+from geodesic_motion_ros.simulation.world import ArmWorld
 from geodesic_motion_ros.trajectory.timing import timed_joint_reference
 from geodesic_motion_ros.trajectory.trajectory import JointReference
 
-ROBOT = Robot.panda()
+ROBOT = Robot.named("panda")
 LIMITS = JointLimits.of(ROBOT)
 FRAMES = np.array([0, 2, 3, 4, 5, 7, 8, len(ROBOT.link_names) - 1], dtype=np.int64)
 OFFSETS = np.random.default_rng(0).uniform(-0.06, 0.06, (len(FRAMES), 3))
@@ -361,10 +361,10 @@ def test_without_pairs_the_arm_is_clear_of_itself():
 
 def test_the_real_arm_is_never_nearer_than_certified():
     """PyBullet judges, on the Panda's own meshes; the base, which cannot move, is not part of it."""
-    model = CollisionModel.panda()
+    model = CollisionModel.named("panda")
     of_meshes = ArmCertifier(ROBOT, model)
     costs = []
-    with PandaWorld() as world:
+    with ArmWorld() as world:
         for seed in range(8):
             reference, obstacles = scene(seed)
             certificate = of_meshes.certify(reference, obstacles, HORIZON)
@@ -423,8 +423,8 @@ def test_nothing_but_the_certifier_makes_what_may_be_played():
 
 def test_a_motion_into_the_declared_scene_is_refused_with_link_part_and_time() -> None:
     """Between two knots too; the same motion beside it is not."""
-    model = CollisionModel.panda()
-    robot = Robot.panda()
+    model = CollisionModel.named("panda")
+    robot = Robot.named("panda")
     swing = robot.ready + np.linspace(-0.6, 0.6, 80)[:, None] * np.eye(7)[0]
     reference = timed_joint_reference(swing, np.zeros((80, 1)), JointLimits.of(robot, 0.3, 0.2))
     tool = robot.forward(robot.ready)[0]

@@ -30,7 +30,7 @@ from geodesic_motion_ros.trajectory.timing import timed_joint_reference
 from geodesic_motion_ros.trajectory.trajectory import JointReference
 from geodesic_motion_ros.utils.deadline import NEVER, Deadline
 
-ROBOT, MODEL, SETTINGS = Robot.panda(), CollisionModel.named("panda"), PlannerSettings()
+ROBOT, MODEL, SETTINGS = Robot.named("panda"), CollisionModel.named("panda"), PlannerSettings()
 LIMITS, CERTIFIER = JointLimits.of(ROBOT), ArmCertifier(ROBOT, MODEL)
 NO_PATH = Verdict(VerdictCode.NO_FEASIBLE_PATH, "no path")
 CAUTIOUS = tuple(attempt for attempt in ATTEMPTS if not attempt.optimistic)

@@ -13,7 +13,7 @@ from geodesic_motion_ros.planning.detour_search import LatticePath, cheapest_det
 from geodesic_motion_ros.robot.collision_model import CollisionModel
 from geodesic_motion_ros.robot.kinematics import Robot
 
-PANDA, ARM = Robot.panda(), CollisionModel.panda()
+PANDA, ARM = Robot.named("panda"), CollisionModel.named("panda")
 MARGIN, REACH = 0.005, 0.25
 SWING = PANDA.ready + np.linspace(-1.0, 1.0, 60)[:, None] * np.eye(7)[0]
 FRAME = DetourFrame.along(PANDA, SWING, np.linspace(0.0, 1.0, 60)[:, None], np.zeros((60, 3, 3)))

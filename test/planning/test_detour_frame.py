@@ -12,7 +12,7 @@ from geodesic_motion_ros.robot.body_points import end_effector_poses
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.skill.skill import Skill
 
-PANDA = Robot.panda()
+PANDA = Robot.named("panda")
 
 
 def swing(robot: Robot, samples: int = 90) -> np.ndarray:

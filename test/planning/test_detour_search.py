@@ -32,7 +32,7 @@ from geodesic_motion_ros.robot.body_points import BodyPoints
 from geodesic_motion_ros.robot.collision_model import CollisionModel
 from geodesic_motion_ros.robot.kinematics import Robot
 
-PANDA, ARM = Robot.panda(), CollisionModel.panda()
+PANDA, ARM = Robot.named("panda"), CollisionModel.named("panda")
 MARGIN, REACH = 0.005, 0.22
 
 

@@ -86,19 +86,19 @@ def test_nowhere_free_is_no_path(planner) -> None:
 
 def beside(sphere: Obstacles, reach: float = 0.3, away: float = 0.0) -> list[np.ndarray]:
     """Displaced paths of a Panda that stands ready, its tool so far [m] from where it would be on the graph."""
-    robot, model = Robot.panda(), CollisionModel.named("panda")
+    robot, model = Robot.named("panda"), CollisionModel.named("panda")
     undisplaced = robot.forward(robot.ready)[0] + [0.0, away, 0.0]
     arm = ArmInScene.of(robot, model, sphere)
     return list(displaced_paths(robot, arm, robot.ready, undisplaced, reach, APART))
 
 
 def at_the_tool(offset: list[float], radius: float = 0.05) -> Obstacles:
-    robot = Robot.panda()
+    robot = Robot.named("panda")
     return Obstacles.of_spheres((robot.forward(robot.ready)[0] + offset)[None], np.array([radius]))
 
 
 def test_displaced_paths_are_straight_and_end_clear_the_shortest_first() -> None:
-    robot, model, sphere = Robot.panda(), CollisionModel.named("panda"), at_the_tool([0.12, 0.0, 0.0])
+    robot, model, sphere = Robot.named("panda"), CollisionModel.named("panda"), at_the_tool([0.12, 0.0, 0.0])
     position, quaternion = robot.forward(robot.ready)
     paths = beside(sphere)
     assert len(paths) > 10
@@ -122,7 +122,7 @@ def test_displaced_paths_are_straight_and_end_clear_the_shortest_first() -> None
 
 def test_displaced_paths_lead_no_farther_from_the_graph_than_they_may() -> None:
     """The control: in all directions where the tool is on it, and none where it is too far off already but back."""
-    robot, sphere = Robot.panda(), at_the_tool([0.0, 0.0, 0.5])
+    robot, sphere = Robot.named("panda"), at_the_tool([0.0, 0.0, 0.5])
     towards = [robot.forward(path[-1])[0][1] - robot.forward(robot.ready)[0][1] for path in beside(sphere)]
     assert min(towards) < -0.01
     assert max(towards) > 0.01

@@ -10,7 +10,7 @@ from geodesic_motion_ros.planning.posture import Posture, solve_beside, solve_no
 from geodesic_motion_ros.robot.body_points import end_effector_poses
 from geodesic_motion_ros.robot.kinematics import Robot
 
-PANDA = Robot.panda()
+PANDA = Robot.named("panda")
 
 
 def poses_of(robot: Robot, configurations: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

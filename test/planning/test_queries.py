@@ -207,7 +207,7 @@ def check(answer: Verdict | Plan) -> None:
 
 def test_demonstrations_that_end_at_a_joint_limit_are_no_exception() -> None:
     """The mean of equal numbers may be larger than each of them, by rounding."""
-    skill, limit = Skill.load("panda_reach_to_grasp"), Robot.panda().upper[6]
+    skill, limit = Skill.load("panda_reach_to_grasp"), Robot.named("panda").upper[6]
     poles = skill.canonical.goal_poles.copy()
     poles[:, 6] = np.nextafter(limit, np.inf)
     planner = ReactivePlanner(replace(skill, canonical=replace(skill.canonical, goal_poles=poles)))

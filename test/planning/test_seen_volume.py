@@ -24,7 +24,7 @@ from geodesic_motion_ros.skill.skill import Skill
 from geodesic_motion_ros.trajectory.trajectory import JointReference
 from geodesic_motion_ros.utils.errors import PlanningError
 
-PANDA, ARM = Robot.panda(), CollisionModel.panda()
+PANDA, ARM = Robot.named("panda"), CollisionModel.named("panda")
 SKILLS = ("panda_pouring", "panda_reach_to_grasp")
 
 

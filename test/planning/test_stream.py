@@ -25,7 +25,7 @@ from geodesic_motion_ros.trajectory.timing import timed_joint_reference
 from geodesic_motion_ros.trajectory.trajectory import JointReference
 from geodesic_motion_ros.utils.deadline import NEVER, Deadline
 
-ROBOT, SETTINGS = Robot.panda(), PlannerSettings()
+ROBOT, SETTINGS = Robot.named("panda"), PlannerSettings()
 LIMITS, MODEL = JointLimits.of(ROBOT), CollisionModel.named("panda")
 CERTIFIER = ArmCertifier(ROBOT, MODEL)
 #: Of a query a situation asks only whether it is the same.

@@ -146,7 +146,7 @@ def test_the_stream_ends_exactly_at_the_goal_and_twice_alike(planner) -> None:
 
 
 def test_a_sphere_on_the_elbow_s_path_is_not_touched_and_the_tool_alone_would_let_it_be(planner) -> None:
-    undisturbed, model = played(planner, Obstacles.none(), 8.0), CollisionModel.panda()
+    undisturbed, model = played(planner, Obstacles.none(), 8.0), CollisionModel.named("panda")
     middle = undisturbed[len(undisturbed) // 3]
     sphere = Obstacles.of_spheres(elbow_position(planner.robot, middle)[None], np.array([0.04]))
     assert nearest(planner, model.of_link("panda_hand"), undisturbed, sphere) > 0.05

@@ -9,14 +9,14 @@ from geodesic_motion_ros.planning.tracking import COUNTED, LATEST, Tracking, Tra
 from geodesic_motion_ros.robot.collision_model import CollisionModel
 from geodesic_motion_ros.robot.kinematics import Robot
 
-READY = Robot.panda().ready
+READY = Robot.named("panda").ready
 #: Of joint states [s], of the first joint [rad/s], and how late the arm is [s].
 PERIOD, SPEED, LAG = 0.01, 0.5, 0.08
 
 
 @pytest.fixture
 def monitor() -> TrackingMonitor:
-    return TrackingMonitor(Robot.panda(), CollisionModel.named("panda"))
+    return TrackingMonitor(Robot.named("panda"), CollisionModel.named("panda"))
 
 
 def turned(angle: float) -> np.ndarray:
@@ -48,7 +48,7 @@ def test_an_arm_that_is_late_is_on_its_path(monitor) -> None:
 
 
 def test_an_arm_beside_its_path_is_off(monitor) -> None:
-    reach = np.hypot(*Robot.panda().forward(READY)[0][:2])
+    reach = np.hypot(*Robot.named("panda").forward(READY)[0][:2])
     assert monitor.add(turned(0.05), READY, 0.0).error == pytest.approx(0.05 * reach, rel=0.2)
     assert monitor.add(turned(0.05), READY, 0.1).lag == 0.0
 

@@ -38,13 +38,13 @@ CRANE = """<robot name="crane">
 
 @pytest.fixture(scope="module")
 def panda() -> Robot:
-    return Robot.panda()
+    return Robot.named("panda")
 
 
 @pytest.fixture(params=["panda", "crane"])
 def robot(request: pytest.FixtureRequest, tmp_path: Path) -> Robot:
     if request.param == "panda":
-        return Robot.panda()
+        return Robot.named("panda")
     path = tmp_path / "crane.urdf"
     path.write_text(CRANE)
     return Robot.from_urdf(path, "base", "hook")

@@ -34,17 +34,17 @@ self_collision:
 
 @pytest.fixture(scope="module")
 def panda() -> Robot:
-    return Robot.panda()
+    return Robot.named("panda")
 
 
 @pytest.fixture(scope="module")
 def model() -> CollisionModel:
-    return CollisionModel.panda()
+    return CollisionModel.named("panda")
 
 
 @pytest.fixture(scope="module")
 def geometry() -> Iterator[CollisionGeometry]:
-    with CollisionGeometry.panda() as geometry:
+    with CollisionGeometry("panda") as geometry:
         yield geometry
 
 

@@ -91,7 +91,7 @@ def test_what_is_no_object_is_refused_by_name(changes, reason) -> None:
 
 
 def test_what_a_hand_cannot_hold_at_once_is_refused_by_name() -> None:
-    robot = Robot.panda()
+    robot = Robot.named("panda")
     bottle = HeldObject("bottle", "cylinder", (0.03, 0.2))
     check_held([bottle, HeldObject("cup", "cylinder", (0.04, 0.1))], robot)
     with pytest.raises(RobotError, match="two held objects are called 'bottle'"):
@@ -101,7 +101,7 @@ def test_what_a_hand_cannot_hold_at_once_is_refused_by_name() -> None:
 
 
 def test_an_arm_keeps_what_it_holds_off_its_own_links() -> None:
-    robot, arm = Robot.panda(), CollisionModel.panda()
+    robot, arm = Robot.named("panda"), CollisionModel.named("panda")
     bottle = HeldObject("bottle", "cylinder", (0.03, 0.2), (0.04, 0.0, 0.0), (math.sqrt(0.5), 0.0, math.sqrt(0.5), 0.0))
     assert self_clearance(arm, robot, robot.ready)[0] > 0.0
     assert self_clearance(arm.holding(robot, [bottle]), robot, robot.ready)[0] > 0.0
@@ -113,5 +113,5 @@ def test_an_arm_keeps_what_it_holds_off_its_own_links() -> None:
 
 
 def test_an_arm_that_holds_nothing_is_the_arm() -> None:
-    robot, arm = Robot.panda(), CollisionModel.panda()
+    robot, arm = Robot.named("panda"), CollisionModel.named("panda")
     assert arm.holding(robot, ()) is arm

@@ -12,7 +12,7 @@ from geodesic_motion_ros.robot.inverse_kinematics import differential_step, pose
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.utils.errors import RobotError
 
-ROBOT = Robot.panda()
+ROBOT = Robot.named("panda")
 
 
 def error_of(q: np.ndarray, position: np.ndarray, quaternion: np.ndarray) -> tuple[float, float]:

@@ -26,7 +26,7 @@ SLIDER = """<robot name="slider">
 
 @pytest.fixture(scope="module")
 def robot() -> Robot:
-    return Robot.panda()
+    return Robot.named("panda")
 
 
 @pytest.fixture(scope="module")
@@ -37,7 +37,7 @@ def configurations(robot: Robot) -> np.ndarray:
 @pytest.fixture(params=["panda", "slider"])
 def any_robot(request: pytest.FixtureRequest, tmp_path: Path) -> Robot:
     if request.param == "panda":
-        return Robot.panda()
+        return Robot.named("panda")
     path = tmp_path / "slider.urdf"
     path.write_text(SLIDER)
     return Robot.from_urdf(path, "base", "tool")

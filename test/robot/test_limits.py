@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from geodesic_motion_ros.robot.kinematics import FOLDER, Robot
+from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.robot.limits import JointLimits
 from geodesic_motion_ros.utils.errors import RobotError
 
-ROBOT = Robot.panda()
+ROBOT = Robot.named("panda")
 
 
 def test_limits_are_the_robots_scaled_and_with_a_margin():
@@ -35,7 +35,7 @@ def test_a_scale_outside_its_range_is_refused(scales):
 
 
 def test_a_robot_without_acceleration_limits_is_refused():
-    bare = Robot.from_urdf(FOLDER / "panda.urdf", ROBOT.base_link, ROBOT.tool_link)
+    bare = Robot.from_urdf(ROBOT.urdf, ROBOT.base_link, ROBOT.tool_link)
     with pytest.raises(RobotError, match=r"joint_limits\.yaml"):
         JointLimits.of(bare)
 

@@ -14,7 +14,7 @@ from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.robot.swivel import elbow_position, solve_with_swivel, swivel_angle
 from geodesic_motion_ros.utils.errors import RobotError
 
-ROBOT = Robot.panda()
+ROBOT = Robot.named("panda")
 REACHING = np.array([-0.5, 0.5, 0.0, -1.75, 0.0, 2.2, 1.0])
 TWO_JOINTS = """
 <robot name="short"><link name="base"/><link name="middle"/><link name="tool"/>

@@ -13,7 +13,7 @@ from geodesic_motion_ros.robot.inverse_kinematics import pose_error
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.simulation.joint_motion import JointMotion
 
-ROBOT = Robot.panda()
+ROBOT = Robot.named("panda")
 DT = 1.0 / 240.0
 
 

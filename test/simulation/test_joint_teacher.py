@@ -17,7 +17,7 @@ from geodesic_motion_ros.simulation.tabletop import TabletopWorld
 from geodesic_motion_ros.studies.tools.similarity import compare
 from geodesic_motion_ros.utils.errors import DemonstrationError, ParameterError
 
-ROBOT = Robot.panda()
+ROBOT = Robot.named("panda")
 Shown = tuple[tuple[Guidance, ...], JointDemonstrations]
 
 

@@ -12,7 +12,7 @@ from geodesic_motion_ros.simulation.tabletop import TabletopWorld
 from geodesic_motion_ros.simulation.teacher import Motion, Performance
 from geodesic_motion_ros.utils.errors import ParameterError
 
-ROBOT = Robot.panda()
+ROBOT = Robot.named("panda")
 Shown = tuple[tuple[Motion, ...], list[Performance]]
 
 

@@ -1,4 +1,4 @@
-"""The twin follows, measures and repeats: physics behaviour of PandaWorld."""
+"""The twin follows, measures and repeats: physics behaviour of ArmWorld."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from geodesic_motion_ros.planning.declared_scene import DeclaredScene
 from geodesic_motion_ros.robot.inverse_kinematics import pose_error, solve
 from geodesic_motion_ros.simulation.camera import VIEWS
 from geodesic_motion_ros.simulation.trajectory_player import JointWaypoints, TrajectoryPlayer
-from geodesic_motion_ros.simulation.world import PandaWorld
+from geodesic_motion_ros.simulation.world import ArmWorld
 from geodesic_motion_ros.utils.errors import ParameterError, RobotError
 from geodesic_motion_ros.utils.shared_files import find_shared
 
@@ -25,26 +25,26 @@ DOWN = np.array([0.0, 1.0, 0.0, 0.0])
 
 
 @pytest.fixture(scope="module")
-def shared_world() -> Iterator[PandaWorld]:
-    with PandaWorld(scene=DeclaredScene.named("table")) as world:
+def shared_world() -> Iterator[ArmWorld]:
+    with ArmWorld(scene=DeclaredScene.named("table")) as world:
         yield world
 
 
 @pytest.fixture
-def world(shared_world: PandaWorld) -> PandaWorld:
+def world(shared_world: ArmWorld) -> ArmWorld:
     shared_world.set_obstacles({})
     shared_world.clear_curves()
     shared_world.reset()
     return shared_world
 
 
-def distance_to(world: PandaWorld, pose: Pose) -> tuple[float, float]:
+def distance_to(world: ArmWorld, pose: Pose) -> tuple[float, float]:
     error = pose_error(*world.tool_pose(), *pose)
     return float(np.linalg.norm(error[:3])), float(np.linalg.norm(error[3:]))
 
 
 def play(
-    world: PandaWorld, pose_at: Callable[[float], Pose], duration: float, rate_hz: float = 100.0
+    world: ArmWorld, pose_at: Callable[[float], Pose], duration: float, rate_hz: float = 100.0
 ) -> np.ndarray:
     """Stream target poses at a rate; rows of position error [m], angle error and joint lag [rad]."""
     sent, rows = 0, []
@@ -70,7 +70,7 @@ def ramped(time: float, speed: float, length: float, acceleration: float) -> flo
     return length - 0.5 * acceleration * (total - time) ** 2
 
 
-def test_a_straight_line_at_250_mm_per_second_is_tracked(world: PandaWorld) -> None:
+def test_a_straight_line_at_250_mm_per_second_is_tracked(world: ArmWorld) -> None:
     start, quaternion = world.tool_pose()
 
     def pose_at(time: float) -> Pose:
@@ -84,7 +84,7 @@ def test_a_straight_line_at_250_mm_per_second_is_tracked(world: PandaWorld) -> N
     assert rows[-1, 0] < 1e-4
 
 
-def test_joint_limits_hold_while_a_far_target_is_approached(world: PandaWorld) -> None:
+def test_joint_limits_hold_while_a_far_target_is_approached(world: ArmWorld) -> None:
     start, quaternion = world.tool_pose()
     world.set_target_pose(start + [0.1, -0.5, -0.2], quaternion)
     for _ in range(480):
@@ -104,7 +104,7 @@ def swinging(start: np.ndarray, duration: float = 3.0) -> JointWaypoints:
     return JointWaypoints(times, start + motion[0], *motion[1:])
 
 
-def test_a_joint_trajectory_is_followed(world: PandaWorld) -> None:
+def test_a_joint_trajectory_is_followed(world: ArmWorld) -> None:
     waypoints = swinging(world.joint_positions)
     expected = TrajectoryPlayer(world.joint_positions, np.zeros(7))
     expected.replace(waypoints, 0.0, 0.0)
@@ -120,7 +120,7 @@ def test_a_joint_trajectory_is_followed(world: PandaWorld) -> None:
     assert measured[-1] < 1e-4
 
 
-def test_begins_of_trajectories_are_of_the_clock_that_is_set(world: PandaWorld) -> None:
+def test_begins_of_trajectories_are_of_the_clock_that_is_set(world: ArmWorld) -> None:
     start = world.joint_positions
     waypoints = swinging(start)
     world.clock_offset = 1000.0
@@ -138,7 +138,7 @@ def test_begins_of_trajectories_are_of_the_clock_that_is_set(world: PandaWorld) 
 
 
 @pytest.mark.parametrize("begin", [0.0, -1.5], ids=["of what is far", "into the midst"])
-def test_a_jump_is_followed_as_fast_as_the_limits_allow(world: PandaWorld, begin: float) -> None:
+def test_a_jump_is_followed_as_fast_as_the_limits_allow(world: ArmWorld, begin: float) -> None:
     waypoints = swinging(world.joint_positions + (0.3 if begin == 0.0 else 0.0))
     world.set_joint_trajectory(waypoints, begin)
     velocities = [np.zeros(7)]
@@ -152,7 +152,7 @@ def test_a_jump_is_followed_as_fast_as_the_limits_allow(world: PandaWorld, begin
     np.testing.assert_allclose(world.joint_positions, waypoints.positions[-1], atol=1e-3)
 
 
-def test_a_trajectory_that_follows_poses_begins_with_their_motion(world: PandaWorld) -> None:
+def test_a_trajectory_that_follows_poses_begins_with_their_motion(world: ArmWorld) -> None:
     start, quaternion = world.tool_pose()
     world.set_target_pose(start + [0.0, -0.4, 0.0], quaternion)
     for _ in range(80):
@@ -171,7 +171,7 @@ def rest_at(positions: np.ndarray) -> JointWaypoints:
     return JointWaypoints(np.array([1.0]), positions[None])
 
 
-def test_poses_and_joint_trajectories_take_turns(world: PandaWorld) -> None:
+def test_poses_and_joint_trajectories_take_turns(world: ArmWorld) -> None:
     pose = world.tool_pose()
     world.set_joint_trajectory(rest_at(world.robot.ready + 0.1))
     for _ in range(400):
@@ -183,7 +183,7 @@ def test_poses_and_joint_trajectories_take_turns(world: PandaWorld) -> None:
     assert distance_to(world, pose)[0] < 1e-3
 
 
-def test_position_limits_end_what_a_trajectory_asks_for(world: PandaWorld) -> None:
+def test_position_limits_end_what_a_trajectory_asks_for(world: ArmWorld) -> None:
     world.set_joint_trajectory(rest_at(world.robot.ready + [0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 3.0]))
     for _ in range(960):
         world.step()
@@ -199,7 +199,7 @@ def test_position_limits_end_what_a_trajectory_asks_for(world: PandaWorld) -> No
     ],
 )
 def test_an_impossible_joint_trajectory_is_refused_and_the_old_one_kept(
-    world: PandaWorld, waypoints: JointWaypoints, begin: float | None, message: str
+    world: ArmWorld, waypoints: JointWaypoints, begin: float | None, message: str
 ) -> None:
     world.set_joint_trajectory(rest_at(world.robot.ready + 0.05))
     with pytest.raises(RobotError, match=message):
@@ -209,7 +209,7 @@ def test_an_impossible_joint_trajectory_is_refused_and_the_old_one_kept(
     np.testing.assert_allclose(world.joint_positions, world.robot.ready + 0.05, atol=1e-3)
 
 
-def test_hold_stops_and_stays(world: PandaWorld) -> None:
+def test_hold_stops_and_stays(world: ArmWorld) -> None:
     start, quaternion = world.tool_pose()
     world.set_target_pose(start + [0.0, -0.4, 0.0], quaternion)
     for _ in range(80):
@@ -226,7 +226,7 @@ def test_hold_stops_and_stays(world: PandaWorld) -> None:
 
 
 @pytest.mark.parametrize("timeout", [0.1, 10.0])
-def test_an_arm_that_did_not_get_to_the_end_in_time_holds_where_it_is(world: PandaWorld, timeout: float) -> None:
+def test_an_arm_that_did_not_get_to_the_end_in_time_holds_where_it_is(world: ArmWorld, timeout: float) -> None:
     """With the control: before the timeout it goes on to the end, too."""
     start, world.clock_offset = world.joint_positions, 1000.0
     goal = start + 0.5
@@ -247,14 +247,14 @@ def test_an_arm_that_did_not_get_to_the_end_in_time_holds_where_it_is(world: Pan
     assert np.max(np.abs(where - goal)) > 0.3
 
 
-def test_gravity_does_not_sag_the_arm(world: PandaWorld) -> None:
+def test_gravity_does_not_sag_the_arm(world: ArmWorld) -> None:
     for _ in range(240):
         world.step()
     np.testing.assert_allclose(world.joint_positions, world.robot.ready, atol=1e-3)
 
 
 @pytest.mark.parametrize("pose", [(np.nan, 0.0, 0.4), (np.inf, 0.0, 0.4), (0.4, 0.0), (3.0, 0.0, 0.4)])
-def test_an_impossible_target_is_refused_and_the_old_one_kept(world: PandaWorld, pose: tuple) -> None:
+def test_an_impossible_target_is_refused_and_the_old_one_kept(world: ArmWorld, pose: tuple) -> None:
     start, quaternion = world.tool_pose()
     world.set_target_pose(start + [0.0, 0.02, 0.0], quaternion)
     with pytest.raises(RobotError):
@@ -266,7 +266,7 @@ def test_an_impossible_target_is_refused_and_the_old_one_kept(world: PandaWorld,
     assert distance_to(world, (start + [0.0, 0.02, 0.0], quaternion))[0] < 1e-3
 
 
-def test_reset_restores(world: PandaWorld) -> None:
+def test_reset_restores(world: ArmWorld) -> None:
     start, quaternion = world.tool_pose()
     world.set_target_pose(start + [0.0, 0.2, 0.0], quaternion)
     for _ in range(100):
@@ -278,7 +278,7 @@ def test_reset_restores(world: PandaWorld) -> None:
     np.testing.assert_allclose(world.joint_positions, world.robot.ready, atol=1e-4)
 
 
-def test_reset_to_a_tool_pose(world: PandaWorld) -> None:
+def test_reset_to_a_tool_pose(world: ArmWorld) -> None:
     pose = (np.array([0.38, 0.10, 0.33]), np.array([0.0, 1.0, 0.0, 0.0]))
     world.reset(tool_pose=pose)
     distance, angle = distance_to(world, pose)
@@ -291,7 +291,7 @@ def test_reset_to_a_tool_pose(world: PandaWorld) -> None:
 
 
 def test_the_same_commands_give_the_same_motion() -> None:
-    def run(world: PandaWorld) -> np.ndarray:
+    def run(world: ArmWorld) -> np.ndarray:
         world.reset()
         start, quaternion = world.tool_pose()
         track = []
@@ -302,13 +302,13 @@ def test_the_same_commands_give_the_same_motion() -> None:
             track.append(world.joint_positions)
         return np.array(track)
 
-    with PandaWorld() as first, PandaWorld() as second:
+    with ArmWorld() as first, ArmWorld() as second:
         np.testing.assert_array_equal(run(first), run(second))
         np.testing.assert_array_equal(run(first), run(first))
 
 
 def test_two_worlds_do_not_touch_each_other() -> None:
-    with PandaWorld() as moving, PandaWorld() as resting:
+    with ArmWorld() as moving, ArmWorld() as resting:
         start, quaternion = moving.tool_pose()
         moving.set_target_pose(start + [0.0, 0.2, 0.0], quaternion)
         moving.set_obstacles({"ball": (np.array([0.5, 0.0, 0.5]), 0.05)})
@@ -320,7 +320,7 @@ def test_two_worlds_do_not_touch_each_other() -> None:
         assert moving.clearance()[0] < 1.0
 
 
-def test_clearance_is_the_distance_to_the_nearest_link(world: PandaWorld) -> None:
+def test_clearance_is_the_distance_to_the_nearest_link(world: ArmWorld) -> None:
     """Below the finger tips the distance of a sphere shrinks as it rises, and is negative inside."""
     tool, _ = world.tool_pose()
     distances = []
@@ -335,7 +335,7 @@ def test_clearance_is_the_distance_to_the_nearest_link(world: PandaWorld) -> Non
     assert world.clearance()[0] < -0.01
 
 
-def test_clearance_names_the_elbow(world: PandaWorld) -> None:
+def test_clearance_names_the_elbow(world: ArmWorld) -> None:
     """A sphere beside the elbow, whose joint lies where forward kinematics says."""
     _, origins = world.robot.link_frames(world.robot.ready)
     elbow = origins[world.robot.link_names.index("panda_link4")]
@@ -348,7 +348,7 @@ def test_clearance_names_the_elbow(world: PandaWorld) -> None:
 def pressed_down(scene: DeclaredScene) -> tuple[dict[str, str], float]:
     """What the arm touches when its finger tips are sent 3 cm below z = 0, and how high they get [m]."""
     place = np.array([0.5, 0.0, 0.1])
-    with PandaWorld(scene=scene) as world:
+    with ArmWorld(scene=scene) as world:
         world.reset(tool_pose=(place, DOWN))
         assert world.contacts() == {}
         play(world, lambda time: (place - [0.0, 0.0, ramped(time, 0.1, 0.13, 0.5)], DOWN), 2.0)
@@ -378,7 +378,7 @@ def test_an_arm_that_is_pressed_on_the_declared_table_touches_it() -> None:
 )
 def test_a_body_is_where_its_scene_declares_it(kind: str, entry: dict) -> None:
     scene = DeclaredScene.of({kind: [{"name": "thing", **entry}]})
-    with PandaWorld(scene=scene) as world:
+    with ArmWorld(scene=scene) as world:
         world.reset(tool_pose=(np.array([0.5, 0.0, 0.022]), DOWN))
         high, between = world.own_clearance()
         assert between.endswith("finger and 'thing'")
@@ -396,7 +396,7 @@ def test_a_cylinder_is_round() -> None:
         {"cylinders": [{"name": "thing", **turned, "radius": 0.2, "height": 0.6}]},
         {"boxes": [{"name": "thing", **turned, "size": [0.4, 0.4, 0.6]}]},
     ):
-        with PandaWorld(scene=DeclaredScene.of(table)) as world:
+        with ArmWorld(scene=DeclaredScene.of(table)) as world:
             world.reset(tool_pose=(np.array([0.5, 0.35, 0.2]), DOWN))
             apart.append(world.own_clearance()[0])
     assert apart[1] < 0.0 < apart[0]
@@ -409,12 +409,12 @@ def test_empty_space_is_no_body() -> None:
     assert pressed_down(scene)[0] == {}
 
 
-def test_the_base_may_stand_on_the_scene(world: PandaWorld) -> None:
+def test_the_base_may_stand_on_the_scene(world: ArmWorld) -> None:
     world.step()
     assert world.contacts() == {}
 
 
-def test_the_arm_sees_the_table_and_itself(world: PandaWorld) -> None:
+def test_the_arm_sees_the_table_and_itself(world: ArmWorld) -> None:
     assert world.own_clearance()[0] > 0.02
     heights = []
     for height in (0.012, 0.022):
@@ -429,13 +429,13 @@ def test_the_arm_sees_the_table_and_itself(world: PandaWorld) -> None:
     assert "table" not in between
 
 
-def test_without_obstacles_clearance_is_infinite(world: PandaWorld) -> None:
+def test_without_obstacles_clearance_is_infinite(world: ArmWorld) -> None:
     assert world.clearance() == (np.inf, "")
     world.set_obstacles({"far": (np.array([0.0, 0.0, 9.0]), 0.1)})
     assert world.clearance(cutoff=1.0) == (np.inf, "")
 
 
-def test_a_sphere_that_runs_into_the_hand_is_felt(world: PandaWorld) -> None:
+def test_a_sphere_that_runs_into_the_hand_is_felt(world: ArmWorld) -> None:
     """With the control: the same sphere passing 25 cm away touches nothing."""
     tool, _ = world.tool_pose()
 
@@ -457,7 +457,7 @@ def test_a_sphere_that_runs_into_the_hand_is_felt(world: PandaWorld) -> None:
     assert distance > 0.0
 
 
-def test_obstacles_appear_move_grow_and_vanish(world: PandaWorld) -> None:
+def test_obstacles_appear_move_grow_and_vanish(world: ArmWorld) -> None:
     tool, _ = world.tool_pose()
     below = tool - [0.0, 0.0, 0.1]
     world.set_obstacles({"ball": (below, 0.03)})
@@ -479,7 +479,7 @@ def test_obstacles_appear_move_grow_and_vanish(world: PandaWorld) -> None:
         ((np.zeros(3), np.inf), "radius of obstacle 'bad'"),
     ],
 )
-def test_a_bad_obstacle_is_named_and_changes_nothing(world: PandaWorld, sphere: tuple, message: str) -> None:
+def test_a_bad_obstacle_is_named_and_changes_nothing(world: ArmWorld, sphere: tuple, message: str) -> None:
     world.set_obstacles({"ball": (np.array([0.5, 0.0, 0.2]), 0.05)})
     before = world.clearance()
     with pytest.raises(ParameterError, match=message):
@@ -488,7 +488,7 @@ def test_a_bad_obstacle_is_named_and_changes_nothing(world: PandaWorld, sphere: 
 
 
 @pytest.mark.parametrize("view", sorted(VIEWS))
-def test_pictures_show_obstacles_and_curves(world: PandaWorld, view: str) -> None:
+def test_pictures_show_obstacles_and_curves(world: ArmWorld, view: str) -> None:
     plain = world.render(80, 60, view)
     assert plain.shape == (60, 80, 3)
     assert plain.dtype == np.uint8
@@ -504,11 +504,11 @@ def test_pictures_show_obstacles_and_curves(world: PandaWorld, view: str) -> Non
     np.testing.assert_array_equal(world.render(80, 60, view), plain)
 
 
-def test_oversampling_keeps_the_size(world: PandaWorld) -> None:
+def test_oversampling_keeps_the_size(world: ArmWorld) -> None:
     assert world.render(64, 48, oversampling=2).shape == (48, 64, 3)
 
 
-def test_an_unknown_view_and_a_bad_curve_are_refused(world: PandaWorld) -> None:
+def test_an_unknown_view_and_a_bad_curve_are_refused(world: ArmWorld) -> None:
     with pytest.raises(ParameterError, match=r"'below'.*front"):
         world.render(8, 8, "below")
     with pytest.raises(ParameterError, match="curve"):
@@ -517,17 +517,17 @@ def test_an_unknown_view_and_a_bad_curve_are_refused(world: PandaWorld) -> None:
 
 def test_a_bad_rate_is_refused() -> None:
     with pytest.raises(ParameterError, match="rate_hz"):
-        PandaWorld(rate_hz=10.0)
+        ArmWorld(rate_hz=10.0)
 
 
 def test_close_twice() -> None:
-    world = PandaWorld()
+    world = ArmWorld()
     world.close()
     world.close()
 
 
 @pytest.mark.parametrize("task", ["pouring", "bottle2shelf"])
-def test_real_demonstrations_are_followed(world: PandaWorld, recordings: Path, task: str) -> None:
+def test_real_demonstrations_are_followed(world: ArmWorld, recordings: Path, task: str) -> None:
     """The first hand-guided recording, played at 100 Hz: near all along, exact at the end."""
     demonstration = read_demonstrations(recordings / "robotasks" / f"{task}.npy", units="cm")[0]
     world.reset(solve(world.robot, demonstration.positions[0], demonstration.quaternions[0]))

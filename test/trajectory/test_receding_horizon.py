@@ -13,7 +13,7 @@ from geodesic_motion_ros.trajectory.receding_horizon import Horizon
 from geodesic_motion_ros.trajectory.timing import timed_joint_reference
 from geodesic_motion_ros.trajectory.trajectory import JointReference
 
-ROBOT = Robot.panda()
+ROBOT = Robot.named("panda")
 LIMITS = JointLimits.of(ROBOT, 0.3, 0.2)
 LENGTH = 1.0
 

@@ -10,7 +10,7 @@ from geodesic_motion_ros.trajectory.stopping import bridge_to_rest, stopping_ref
 from geodesic_motion_ros.trajectory.timing import timed_joint_reference
 from geodesic_motion_ros.trajectory.trajectory import PERIOD
 
-ROBOT = Robot.panda()
+ROBOT = Robot.named("panda")
 LIMITS = JointLimits.of(ROBOT)
 
 

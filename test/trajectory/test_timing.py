@@ -13,7 +13,7 @@ from geodesic_motion_ros.trajectory.timing import timed_joint_reference
 from geodesic_motion_ros.trajectory.trajectory import PERIOD
 from geodesic_motion_ros.utils.errors import PlanningError
 
-ROBOT = Robot.panda()
+ROBOT = Robot.named("panda")
 LIMITS = JointLimits.of(ROBOT)
 
 

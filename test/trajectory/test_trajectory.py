@@ -12,7 +12,7 @@ from geodesic_motion_ros.robot.limits import JointLimits
 from geodesic_motion_ros.trajectory.stopping import bridge_to_rest
 from geodesic_motion_ros.trajectory.trajectory import PERIOD, interpolated, joined
 
-ROBOT = Robot.panda()
+ROBOT = Robot.named("panda")
 LIMITS = JointLimits.of(ROBOT)
 
 

@@ -405,7 +405,7 @@ def test_a_folder_whose_name_is_too_long_is_refused() -> None:
 
 HEADER = "demonstration,t,px,py,pz,qw,qx,qy,qz\n"
 ROW = "d0,{},0.4,0.{:03d},0.3,0,1,0,0\n"
-JOINTS = ",".join(("demonstration", "t", *Robot.panda().joint_names))
+JOINTS = ",".join(("demonstration", "t", *Robot.named("panda").joint_names))
 
 
 def text(content: str) -> Spoil:
@@ -417,7 +417,7 @@ def rows(count: int = 20) -> str:
 
 
 def joint_arrays(**changes: np.ndarray) -> Spoil:
-    robot = Robot.panda()
+    robot = Robot.named("panda")
     arrays = {"configurations": np.tile(robot.ready, (2, 20, 1)), "joint_names": np.array(robot.joint_names)}
     return lambda file: np.savez(file, **arrays | changes)
 

@@ -37,8 +37,8 @@ def pixels(skill: Skill, graph: ConfigurationGraph, latent: np.ndarray) -> np.nd
 
 
 def test_columns_are_as_red_as_the_share_of_their_nodes_that_an_obstacle_covers(reach_skill, graph, view):
-    centre = Robot.panda().forward(graph.configurations[0])[0]
-    spheres = MODEL.positions(Robot.panda(), graph.configurations)[:, MODEL.moving]
+    centre = Robot.named("panda").forward(graph.configurations[0])[0]
+    spheres = MODEL.positions(Robot.named("panda"), graph.configurations)[:, MODEL.moving]
     apart = np.linalg.norm(spheres - centre, axis=2) - MODEL.radii[MODEL.moving]
     covered = np.min(apart, axis=1) <= 0.05
     places = [tuple(place) for place in pixels(reach_skill, graph, graph.latent).tolist()]

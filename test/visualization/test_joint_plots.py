@@ -60,7 +60,7 @@ def test_nothing_is_drawn_that_was_not_asked_for(planner, shown, tmp_path) -> No
 
 @pytest.mark.parametrize("sigma_weight", [0.0, 10.0])
 def test_magnification_is_the_volume_of_the_metric_that_edges_are_measured_with(reach_skill, sigma_weight) -> None:
-    metric, robot = JointMetricSettings(sigma_weight=sigma_weight), Robot.panda()
+    metric, robot = JointMetricSettings(sigma_weight=sigma_weight), Robot.named("panda")
     code, reach = reach_skill.codes[1, 40] + 0.08, 0.01
     graph = build_configuration_graph(
         reach_skill.decoder, reach_skill.codes, code - reach, code + reach, metric, robot, metric.body_points(robot),

@@ -33,7 +33,7 @@ def skill() -> Skill:
     return Skill(
         name="sheet", decoder=decoder, codes=codes, latent_lower=np.full(2, -1.0), latent_upper=np.full(2, 1.0),
         sigma_support=1.0, energy_per_edge=1.0, start_pose=np.zeros(7), goal_pose=np.zeros(7),
-        metric=MetricSettings(sigma_weight=1.0),
+        metric=MetricSettings(sigma_weight=1.0), base_frame="panda_link0", tool_frame="panda_grasptarget",
     )  # fmt: skip
 
 

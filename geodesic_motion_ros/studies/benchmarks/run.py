@@ -220,7 +220,9 @@ def _measure_stages(bench: SkillBench, ticks: int, bar: tqdm) -> dict[str, Stopw
     with no_garbage_collection():
         tick = bench.ticks(scene, ticks)
     bar.update()
-    return {**stages, "tick": tick}
+    with no_garbage_collection():
+        kinematics = bench.kinematics(ticks)
+    return {**stages, "tick": tick, "kinematics": kinematics}
 
 
 def _measure_bias(skill: Skill, bench: SkillBench, settings: BenchSettings, bar: tqdm) -> list[BiasFigures]:

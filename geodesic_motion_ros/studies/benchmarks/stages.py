@@ -8,6 +8,10 @@ time law     the reference along it, from rest
 certificate  its clearance from the moving obstacles and from itself
 message      the JointTrajectory message, where ROS is installed
 tick         `ReactivePlanner.tick` with a new place of the sphere each time, a hundred times a second along a motion
+
+and no stage of it
+
+kinematics   all solutions of a tool pose for one position of the last joint, found numerically (`robot.solutions`)
 """
 
 from __future__ import annotations
@@ -25,6 +29,7 @@ from geodesic_motion_ros.planning.planner import ReactivePlanner
 from geodesic_motion_ros.planning.search import cheapest_path
 from geodesic_motion_ros.planning.settings import PlannerSettings
 from geodesic_motion_ros.planning.status import Verdict
+from geodesic_motion_ros.robot.solutions import STARTS, numerical_solutions, spread
 from geodesic_motion_ros.skill.skill import Skill
 from geodesic_motion_ros.studies.benchmarks.engine import SearchProblem, mark
 from geodesic_motion_ros.studies.benchmarks.scenes import PERIOD, RATE, Scene
@@ -122,6 +127,18 @@ class SkillBench:
             with watch:
                 planner.take_obstacles(obstacles)
                 planner.tick(now)
+        return watch
+
+
+    def kinematics(self, count: int) -> Stopwatch:
+        """Numerical inverse kinematics of so many poses, drawn within the joints' limits."""
+        robot, watch = self.planner.robot, Stopwatch()
+        starts = spread(robot, STARTS)
+        for configuration in robot.sample(count, np.random.default_rng(0)):
+            pose = robot.forward(configuration)
+            last = float(configuration[-1]) if len(configuration) == 7 else None
+            with watch:
+                numerical_solutions(robot, *pose, last, starts)
         return watch
 
 

@@ -43,7 +43,7 @@ def synthetic_problem(shape: tuple[int, ...], points: int = 8, seed: int = 0) ->
 
     The same for the same seed.
     """
-    robot, dimension = Robot.panda(), len(shape)
+    robot, dimension = Robot.named("panda"), len(shape)
     grid = synthetic_grid(shape)
     latent = grid.nodes()
     tubes, configurations = _decoded(latent, robot, seed)
@@ -60,7 +60,7 @@ def synthetic_problem(shape: tuple[int, ...], points: int = 8, seed: int = 0) ->
 
 def synthetic_field(shape: tuple[int, ...], points: int = 8, seed: int = 0) -> MetricField:
     """The metric of `synthetic_problem` between its nodes; the tubes are its mean paths."""
-    robot, grid = Robot.panda(), synthetic_grid(shape)
+    robot, grid = Robot.named("panda"), synthetic_grid(shape)
     tubes, configurations = _decoded(grid.nodes(), robot, seed)
     chosen = _along_arm(robot, points)
     placed = place_body_points(configurations, chosen.frames, chosen.offsets, robot.chain)

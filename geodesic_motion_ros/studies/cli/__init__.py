@@ -9,13 +9,13 @@ import argparse
 from collections.abc import Sequence
 
 from geodesic_motion_ros import cli
-from geodesic_motion_ros.cli import demo, demonstrate, goal, inspect
+from geodesic_motion_ros.cli import demo, demonstrate, goal, guide, inspect, robot
 from geodesic_motion_ros.studies.cli import benchmark, evaluate, experiment, faults, judge, measured_train, timing
 
 _DESCRIPTION = """\
 Reactive robot motion learned from demonstrations: a skill is a latent space whose shortest paths are the motion.
 
-The steps: record a few demonstrations, or let a simulated arm `demonstrate`; `train` a skill on them, look at
+The steps: record a few demonstrations, or let a simulated arm `demonstrate` or `guide` it; `train` a skill, look at
 it with `inspect`, measure with `evaluate` how well it predicts demonstrations it has not seen, and run `demo` to see an
 arm do it around an obstacle.
 """
@@ -33,7 +33,8 @@ _EXAMPLES = (
     "faults --only state_stops",
 )
 COMMANDS: tuple[cli.Command, ...] = (
-    demonstrate, measured_train, evaluate, inspect, demo, goal, experiment, timing, benchmark, judge, faults,
+    demonstrate, guide, measured_train, evaluate, inspect, demo, goal, robot,
+    experiment, timing, benchmark, judge, faults,
 )  # fmt: skip
 
 

@@ -22,7 +22,7 @@ from geodesic_motion_ros.geometry.task_frame import TaskFrame
 from geodesic_motion_ros.obstacles.obstacles import Obstacles
 from geodesic_motion_ros.planning.settings import PlannerSettings
 from geodesic_motion_ros.robot.held_objects import HeldObject
-from geodesic_motion_ros.simulation.world import PandaWorld
+from geodesic_motion_ros.simulation.world import ArmWorld
 from geodesic_motion_ros.studies.comparison.arena import Arena
 from geodesic_motion_ros.studies.comparison.execution import Outcome, PlayedMethod, Stage
 from geodesic_motion_ros.studies.comparison.families import Family
@@ -93,7 +93,7 @@ class Holding(Geodesics):
 class _BottleInHand(PlayedMethod):
     """An arm whose hand is given a bottle, and gives it away."""
 
-    def __init__(self, world: PandaWorld, method: Holding, geometry: MeshesAndBottle) -> None:
+    def __init__(self, world: ArmWorld, method: Holding, geometry: MeshesAndBottle) -> None:
         super().__init__(world, method)
         self._holding, self._geometry = method, geometry
 
@@ -124,7 +124,7 @@ class BottleStage(Stage):
     geometry: MeshesAndBottle
 
     def __init__(self, arena: Arena) -> None:
-        super().__init__(arena, MeshesAndBottle.panda())
+        super().__init__(arena, MeshesAndBottle("panda"))
         self.guarded |= {BOTTLE.name}
 
     def play(self, scene: Scene, method: Method) -> tuple[Outcome, np.ndarray]:

@@ -29,7 +29,7 @@ from geodesic_motion_ros.obstacles.tracker import ObstacleTracker
 from geodesic_motion_ros.planning.path_clearance import segment_distance
 from geodesic_motion_ros.planning.settings import PlannerSettings
 from geodesic_motion_ros.robot.collision_model import CollisionModel
-from geodesic_motion_ros.simulation.world import PandaWorld
+from geodesic_motion_ros.simulation.world import ArmWorld
 from geodesic_motion_ros.studies.comparison.arena import Arena
 from geodesic_motion_ros.studies.comparison.execution import Outcome, PlayedMethod, Stage
 from geodesic_motion_ros.studies.comparison.method import Method
@@ -105,7 +105,7 @@ class Camera:
 class SeenByCamera(PlayedMethod):
     """A method that is handed what the tracker knows by the camera's frames, and the arm that plays its answers."""
 
-    def __init__(self, world: PandaWorld, method: Method, arena: Arena) -> None:
+    def __init__(self, world: ArmWorld, method: Method, arena: Arena) -> None:
         super().__init__(world, method)
         self._arena, self._body = arena, CollisionModel.named(arena.skill.robot)
 

@@ -29,7 +29,7 @@ import numpy as np
 from geodesic_motion_ros.geometry.curves import PoseCurve
 from geodesic_motion_ros.geometry.quaternions import angle_between
 from geodesic_motion_ros.obstacles.obstacles import Obstacles
-from geodesic_motion_ros.simulation.world import PandaWorld
+from geodesic_motion_ros.simulation.world import ArmWorld
 from geodesic_motion_ros.studies.comparison.chasing import chased_point
 from geodesic_motion_ros.studies.comparison.guard import GuardedArm
 from geodesic_motion_ros.studies.comparison.method import Answer, Method
@@ -166,7 +166,7 @@ class Motion(Protocol):
 class PlayedMethod:
     """A method, and the arm in physics that plays its answers, each of them one tick later."""
 
-    def __init__(self, world: PandaWorld, method: Method) -> None:
+    def __init__(self, world: ArmWorld, method: Method) -> None:
         self._world, self._method = world, method
 
     def reset(self, scene: Scene) -> None:
@@ -219,7 +219,7 @@ class Judge:
 
     def __init__(self, arm: GuardedArm, geometry: CollisionGeometry | None = None) -> None:
         """geometry : the meshes; None: the arm's."""
-        self.arm, self.geometry = arm, geometry or CollisionGeometry.panda()
+        self.arm, self.geometry = arm, geometry or CollisionGeometry("panda")
         self.guarded = frozenset(arm.collision.points.names)
 
     def judge(self, scene: Scene, motion: Motion) -> tuple[Outcome, np.ndarray]:
@@ -249,7 +249,7 @@ class Stage(Judge):
     def __init__(self, arm: GuardedArm, geometry: CollisionGeometry | None = None) -> None:
         """geometry : as of `Judge`."""
         super().__init__(arm, geometry)
-        self.world = PandaWorld(rate_hz=STEP_HZ)
+        self.world = ArmWorld(rate_hz=STEP_HZ)
 
     def play(self, scene: Scene, method: Method) -> tuple[Outcome, np.ndarray]:
         """As `judge`, the motion of a method."""

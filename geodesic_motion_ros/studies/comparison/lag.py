@@ -15,7 +15,7 @@ from dataclasses import replace
 import numpy as np
 
 from geodesic_motion_ros.obstacles.obstacles import Obstacles
-from geodesic_motion_ros.simulation.world import PandaWorld
+from geodesic_motion_ros.simulation.world import ArmWorld
 from geodesic_motion_ros.studies.comparison.execution import Outcome, PlayedMethod, Stage
 from geodesic_motion_ros.studies.comparison.guard import GuardedArm
 from geodesic_motion_ros.studies.comparison.method import TICK, Answer, Method, TracksArm
@@ -35,7 +35,7 @@ def check_lag(lag: float) -> None:
 class LateArm(PlayedMethod):
     """A method, and the arm in physics that plays its answers late."""
 
-    def __init__(self, world: PandaWorld, method: Method, arm: GuardedArm, lag: float) -> None:
+    def __init__(self, world: ArmWorld, method: Method, arm: GuardedArm, lag: float) -> None:
         super().__init__(world, method)
         self._tracks = method if isinstance(method, TracksArm) else None
         self._arm, self._lag, self._ticks = arm, lag, round(lag / TICK)

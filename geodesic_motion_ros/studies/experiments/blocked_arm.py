@@ -98,7 +98,7 @@ class BlockedPaths:
         self._planner = ReactivePlanner(skill, settings)
         hand = hand_alone(self._planner.collision)
         self._hand_only = ReactivePlanner(skill, replace(settings, ambient_strength=0.0), collision=hand)
-        self._geometry = CollisionGeometry.panda()
+        self._geometry = CollisionGeometry("panda")
 
     def scene(self, kind: Kind, number: int, seed: int) -> BlockedScene:
         """Scene number `number` of a kind; it depends on nothing else but the seed.

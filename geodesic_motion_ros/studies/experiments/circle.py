@@ -179,7 +179,7 @@ def shown_circles(per_family: int = SHOWN, samples: int = SAMPLES, seed: int = 0
     """As `simulation.joint_teacher` tells the arm, without physics: each circle in every family's swivel angle."""
     from geodesic_motion_ros.simulation.joint_teacher import CIRCLE_SWIVEL, circle_guidances
 
-    robot, guidances = Robot.panda(), circle_guidances(per_family, seed)
+    robot, guidances = Robot.named("panda"), circle_guidances(per_family, seed)
     curves = [commanded(robot, each, samples, swivel - CIRCLE_SWIVEL) for swivel in SWIVELS for each in guidances]
     return Circles(np.stack(curves), len(SWIVELS))
 
@@ -197,7 +197,7 @@ class Circle(Study):
     shown: Circles | None = None
 
     def measure(self, out: Path) -> CircleReport:
-        robot, shown = Robot.panda(), self.shown or shown_circles()
+        robot, shown = Robot.named("panda"), self.shown or shown_circles()
         learned = models(shown.configurations, robot, self.dimensions, self.seeds, self.training, out / "models")
         return CircleReport(shown, tuple(_measured(vae, shown, robot, chosen) for vae, chosen in learned))
 

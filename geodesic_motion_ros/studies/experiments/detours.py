@@ -20,7 +20,7 @@ from geodesic_motion_ros.planning.arm_clearance import obstacle_clearance
 from geodesic_motion_ros.planning.declared_scene import DeclaredScene
 from geodesic_motion_ros.planning.planner import ReactivePlanner
 from geodesic_motion_ros.planning.settings import LARGEST_DETOUR, PlannerSettings
-from geodesic_motion_ros.simulation.world import PandaWorld
+from geodesic_motion_ros.simulation.world import ArmWorld
 from geodesic_motion_ros.skill.skill import Skill
 from geodesic_motion_ros.studies.experiments.study import OfSkill, Report, option
 from geodesic_motion_ros.trajectory.trajectory import JointReference
@@ -95,7 +95,7 @@ class DetoursReport(Report):
         figure = Figure(figsize=(4.0 * len(self.runs), 4.15), layout="constrained")
         figure.get_layout_engine().set(w_pad=0.02, h_pad=0.02, wspace=0.0, hspace=0.0)
         panels = figure.subplots(1, len(self.runs), squeeze=False)[0]
-        with PandaWorld(scene=DeclaredScene.named("table")) as world:
+        with ArmWorld(scene=DeclaredScene.named("table")) as world:
             world.set_obstacles({"sphere": (self.centre, self.radius)})
             for axes, run in zip(panels, self.runs, strict=True):
                 tool = np.array([world.robot.forward(posture)[0] for posture in run.postures])

@@ -167,7 +167,7 @@ def shown_reaches(per_family: int = SHOWN, samples: int = SAMPLES, seed: int = 0
     """As `simulation.joint_teacher` tells the arm, without physics."""
     from geodesic_motion_ros.simulation.joint_teacher import reach_guidances
 
-    robot = Robot.panda()
+    robot = Robot.named("panda")
     curves = [commanded(robot, each, samples) for each in reach_guidances(per_family, seed, FAMILIES, connected=False)]
     return Reaches(np.stack(curves).reshape(FAMILIES, per_family, samples, -1))
 
@@ -185,7 +185,7 @@ class Dimension(Study):
     shown: Reaches | None = None
 
     def measure(self, out: Path) -> DimensionReport:
-        robot, shown = Robot.panda(), self.shown or shown_reaches()
+        robot, shown = Robot.named("panda"), self.shown or shown_reaches()
         learned = models(shown.shown, robot, self.dimensions, self.seeds, self.training)
         return DimensionReport(tuple(row for vae, chosen in learned for row in _measured(vae, shown, robot, chosen)))
 

@@ -126,7 +126,7 @@ class Stage:
     def __init__(self, families: Families, connected: bool, seed: int = 0) -> None:
         self.families, self.connected, self.seed = families, connected, seed
         self.again = 0
-        self._geometry = CollisionGeometry.panda()
+        self._geometry = CollisionGeometry("panda")
         self._trees = [cKDTree(path) for path in families.mean_paths]
 
     def ends(self) -> list[tuple[tuple[int, ...], tuple[tuple[int, ...], ...]]]:
@@ -193,7 +193,7 @@ class Stage:
     @staticmethod
     def _place(motion: np.ndarray, random: np.random.Generator) -> np.ndarray:
         """The centre (3,) [m] of one of the arm's collision spheres somewhere on a motion (n, eta)."""
-        model, robot = CollisionModel.panda(), Robot.panda()
+        model, robot = CollisionModel.named("panda"), Robot.named("panda")
         bodies = model.positions(robot, motion[random.integers(len(motion))][None])[0, model.moving]
         return bodies[random.integers(len(bodies))]
 

@@ -283,7 +283,7 @@ class GraspTaskReport(Report):
 
 def reach_demonstrations(count: int, seed: int = 0) -> Demonstrations:
     """Poses of the tool in simulated reaches to grasp, the elbow up."""
-    return reach_to_grasp(count, seed, families=1).tool_demonstrations(Robot.panda())
+    return reach_to_grasp(count, seed, families=1).tool_demonstrations(Robot.named("panda"))
 
 
 def requested_ends(
@@ -350,7 +350,7 @@ def _to_both_goals(skill: Skill, paths: LearnedPaths, motion: PoseCurve) -> tupl
 
 def arm_along(curve: PoseCurve, postures: int = 60) -> np.ndarray:
     """Configurations (postures, 7) [rad] of a Panda whose tool follows a curve, each the one nearest to that before."""
-    robot, even, configuration, found = Robot.panda(), curve.resampled(postures), None, []
+    robot, even, configuration, found = Robot.named("panda"), curve.resampled(postures), None, []
     for position, quaternion in zip(even.positions, even.quaternions, strict=True):
         configuration = solve(robot, position, quaternion, configuration)
         found.append(configuration)

@@ -3,7 +3,7 @@
 A skill of tool poses is learned from reaches to grasp, and a sphere is put beside the path, where it touches the arm
 but not the hand. The skill's geodesic stays what it was: no pose of the tool is near the sphere. Whether the arm hits
 it is left to the solver of the inverse kinematics. So for every node of a fine grid over the latent space, and for
-every pose of the geodesic, many solutions are worked out in closed form (`studies.tools.panda_solutions`; the last
+every pose of the geodesic, many solutions are worked out in closed form (the Panda's `inverse_kinematics`; the last
 joint takes evenly spread values, and all branches count), and it is counted how many of them the sphere touches
 (collision spheres).
 
@@ -35,6 +35,8 @@ from geodesic_motion_ros.planning.settings import PlannerSettings
 from geodesic_motion_ros.planning.status import Verdict
 from geodesic_motion_ros.robot.collision_model import CollisionModel
 from geodesic_motion_ros.robot.kinematics import Robot, link_frames
+from geodesic_motion_ros.robot.robots.panda.inverse_kinematics import MOST, solutions_at, wrist_frames
+from geodesic_motion_ros.robot.solutions import solutions
 from geodesic_motion_ros.simulation.joint_teacher import reach_to_grasp
 from geodesic_motion_ros.skill.skill import Skill
 from geodesic_motion_ros.studies.experiments.arm_queries import body_spheres, distances
@@ -51,7 +53,6 @@ from geodesic_motion_ros.studies.experiments.posture_strip import draw_strip, po
 from geodesic_motion_ros.studies.experiments.study import Report, Study, option
 from geodesic_motion_ros.studies.experiments.trained import BRIEFLY, trained_once
 from geodesic_motion_ros.studies.tools.collision_geometry import CollisionGeometry
-from geodesic_motion_ros.studies.tools.panda_solutions import MOST, panda_solutions, solutions_at, wrist_frames
 from geodesic_motion_ros.trajectory.trajectory import JointReference
 from geodesic_motion_ros.utils.errors import ParameterError
 from geodesic_motion_ros.utils.tables import Cell, text_table
@@ -88,7 +89,7 @@ class Limbs(Study):
     joint_planner: PlannerSettings = field(default_factory=PlannerSettings)
 
     def measure(self, out: Path) -> LimbsReport:
-        shown = reach_to_grasp(self.shown, 0, families=1).tool_demonstrations(Robot.panda())
+        shown = reach_to_grasp(self.shown, 0, families=1).tool_demonstrations(Robot.named("panda"))
         tool = trained_once(TASK, shown, TrainingSettings(**BRIEFLY, seed=self.seed), out / "skills")
         return self.compared(tool, Skill.load(self.skill))
 
@@ -124,7 +125,7 @@ class Limbs(Study):
         worst_centre = worst_sphere(*(part[np.linspace(0, len(part) - 1, _POSES).astype(int)] for part in along))
         grid = LatentGrid(skill.latent_lower, skill.latent_upper, (self.side, self.side))
         decoded = skill.decoder.decode(grid.nodes())
-        geometry = CollisionGeometry.panda()
+        geometry = CollisionGeometry("panda")
         hand = ReactivePlanner(joint_skill, self.joint_planner, collision=hand_alone(arm.collision))
         evaded = math.nan
         if avoiding is not None:
@@ -287,7 +288,7 @@ def worst_sphere(positions: np.ndarray, quaternions: np.ndarray) -> np.ndarray:
 
     It keeps `_FROM_HAND` from the hand at each of the poses.
     """
-    robot, model = Robot.panda(), CollisionModel.panda()
+    robot, model = Robot.named("panda"), CollisionModel.named("panda")
     is_hand = np.array([name == HAND for name in model.points.names])[model.moving]
     axes = (np.arange(low, high, _STEP) for low, high in ((-0.5, 0.8), (-0.7, 0.7), (0.0, 1.1)))
     places = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
@@ -295,10 +296,10 @@ def worst_sphere(positions: np.ndarray, quaternions: np.ndarray) -> np.ndarray:
     shares = np.zeros(len(places))
     for position, quaternion in zip(positions, quaternions, strict=True):
         lasts = _last_joints(robot)[:_FEW]
-        solutions = np.concatenate([panda_solutions(robot, position, quaternion, last) for last in lasts])
-        if not len(solutions):
+        found = np.concatenate([solutions(robot, position, quaternion, last) for last in lasts])
+        if not len(found):
             continue
-        bodies = np.moveaxis(model.positions(robot, solutions[:_FEW])[:, model.moving], 1, 0)
+        bodies = np.moveaxis(model.positions(robot, found[:_FEW])[:, model.moving], 1, 0)
         touched = np.zeros((bodies.shape[1], len(places)), bool)
         for centres, radius, of_hand in zip(bodies, model.radii[model.moving], is_hand, strict=True):
             apart = cdist(centres, places) - radius - RADIUS
@@ -313,7 +314,7 @@ def solved(
     positions: np.ndarray, quaternions: np.ndarray, centres: np.ndarray, radii: np.ndarray, wanted: int
 ) -> Solutions:
     """So many solutions for tool poses (n, 3), (n, 4) of a Panda, among spheres (o, 3), (o,) [m]."""
-    robot, model = Robot.panda(), CollisionModel.panda()
+    robot, model = Robot.named("panda"), CollisionModel.named("panda")
     moving = model.moving
     return Solutions(*_solved(
         *wrist_frames(robot, positions, quaternions), _last_joints(robot), wanted, robot.lower, robot.upper,

@@ -21,7 +21,7 @@ from geodesic_motion_ros.planning.planner import ReactivePlanner
 from geodesic_motion_ros.planning.settings import PlannerSettings
 from geodesic_motion_ros.robot.swivel import elbow_position
 from geodesic_motion_ros.simulation.trajectory_player import JointWaypoints
-from geodesic_motion_ros.simulation.world import PandaWorld
+from geodesic_motion_ros.simulation.world import ArmWorld
 from geodesic_motion_ros.skill.skill import Skill
 from geodesic_motion_ros.studies.experiments.arm_queries import ArmQuery, body_spheres, draw_query
 from geodesic_motion_ros.studies.experiments.moving_spheres import (
@@ -76,7 +76,7 @@ class MovingArmRun:
     def __init__(
         self,
         planner: ReactivePlanner,
-        world: PandaWorld,
+        world: ArmWorld,
         geometry: CollisionGeometry,
         query: ArmQuery,
         spheres: Sequence[MovingSphere],
@@ -178,7 +178,7 @@ class MovingArmStage:
     def __init__(self, skill: Skill, settings: PlannerSettings, seed: int) -> None:
         self.planner, self.seed = ReactivePlanner(skill, settings), seed
         self._blind = ReactivePlanner(skill, replace(settings, avoidance=False))
-        self.world, self.geometry = PandaWorld(rate_hz=STEP_HZ), CollisionGeometry.panda()
+        self.world, self.geometry = ArmWorld(rate_hz=STEP_HZ), CollisionGeometry("panda")
 
     def scene(self, number: int) -> MovingArmScene:
         """Draw and play scene number `number`; it depends on nothing else but the seed."""

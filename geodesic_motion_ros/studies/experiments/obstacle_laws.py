@@ -259,7 +259,7 @@ class _Compared:
 
     def __init__(self, skill: Skill, laws: Sequence[Law], settings: PlannerSettings) -> None:
         self._planner = planner = ReactivePlanner(skill, settings)
-        self._geometry = CollisionGeometry.panda()
+        self._geometry = CollisionGeometry("panda")
         bodies = {True: planner.collision, False: no_body(planner.robot)}
         self._queries = {
             hard: ConfigurationQueryBuilder(skill, planner.graph, settings, body) for hard, body in bodies.items()

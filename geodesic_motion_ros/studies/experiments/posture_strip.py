@@ -9,7 +9,7 @@ from matplotlib.axes import Axes
 
 from geodesic_motion_ros.planning.declared_scene import DeclaredScene
 from geodesic_motion_ros.robot.swivel import elbow_position
-from geodesic_motion_ros.simulation.world import PandaWorld
+from geodesic_motion_ros.simulation.world import ArmWorld
 
 _TOOL_COLOUR, _ELBOW_COLOUR = (0.16, 0.50, 0.73), (0.93, 0.58, 0.12)
 #: Postures on a motion that its drawn curves are made of.
@@ -33,7 +33,7 @@ def posture_strips(
     obstacles : of each motion, name -> (centre (3,), radius) [m].
     view : one of `camera.VIEWS`. curves : draw the curves of tool and elbow.
     """
-    with PandaWorld(scene=DeclaredScene.named("table")) as world:
+    with ArmWorld(scene=DeclaredScene.named("table")) as world:
         rows = []
         for motion, spheres in zip(motions, obstacles, strict=True):
             world.set_obstacles(spheres)
@@ -42,7 +42,7 @@ def posture_strips(
 
 
 def _strip(
-    world: PandaWorld, motion: np.ndarray, width: int, height: int, postures: int, view: str, curves: bool
+    world: ArmWorld, motion: np.ndarray, width: int, height: int, postures: int, view: str, curves: bool
 ) -> np.ndarray:
     if curves:
         along = motion[evenly(len(motion), _SAMPLES)]

@@ -87,7 +87,7 @@ class PouringTask(Study):
     seeds: tuple[int, ...] = seeds()
 
     def measure(self, out: Path) -> PouringTaskReport:
-        shown = pouring(self.shown, 0).tool_demonstrations(Robot.panda())
+        shown = pouring(self.shown, 0).tool_demonstrations(Robot.named("panda"))
         pairs: list[Pair] = []
         blocked: list[Blocked] = []
         chains: list[Chain] = []

@@ -32,6 +32,7 @@ from geodesic_motion_ros.demonstrations.readers import read_joint_demonstrations
 from geodesic_motion_ros.learning.joint_training import body_layer
 from geodesic_motion_ros.learning.settings import JointTrainingSettings
 from geodesic_motion_ros.manifold.configuration_graph import JointMetricSettings
+from geodesic_motion_ros.robot.description import DEFAULT_ROBOT
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.simulation.joint_teacher import reach_to_grasp
 from geodesic_motion_ros.skill.skill import Skill
@@ -107,7 +108,7 @@ class Volume(Study):
         None, "recorded joints, as `demonstrate`'s; without it a simulated reach to grasp, four times in two families",
         type=str, metavar="FILE",
     )  # fmt: skip
-    robot: str = option("panda", "whose joints were recorded")
+    robot: str = option(DEFAULT_ROBOT, "whose joints were recorded")
     weights: tuple[float, ...] = option((0.0, 1.0), "of the volume term", type=metres, metavar="W,W")
     steps: int | None = steps()
     shown: JointDemonstrations | None = None

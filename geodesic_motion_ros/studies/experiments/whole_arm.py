@@ -204,8 +204,8 @@ def switch_strip(scene: BlockedScene, width: int = 600, height: int = 400) -> np
 
 def _halfway_clearance(scene: BlockedScene) -> float:
     """How far the arm is from the spheres halfway on the nominal path [m]."""
-    model, halfway = CollisionModel.panda(), scene.nominal.sample(0.5 * scene.nominal.duration)[0]
-    return configuration_clearance(model, Robot.panda(), halfway, scene.centres, scene.radii)[0]
+    model, halfway = CollisionModel.named("panda"), scene.nominal.sample(0.5 * scene.nominal.duration)[0]
+    return configuration_clearance(model, Robot.named("panda"), halfway, scene.centres, scene.radii)[0]
 
 
 def _as_dict(scene: BlockedScene) -> dict[str, Any]:

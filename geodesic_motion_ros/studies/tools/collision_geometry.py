@@ -10,9 +10,10 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from geodesic_motion_ros.planning.declared_scene import MASSIVE, DeclaredScene
+from geodesic_motion_ros.robot.description import RobotDescription
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.simulation.physics_client import PhysicsClient
-from geodesic_motion_ros.simulation.world import FINGER_OPENING, PANDA_URDF, add_solid
+from geodesic_motion_ros.simulation.world import add_solid, load_arm
 from geodesic_motion_ros.utils.errors import RobotError
 
 
@@ -39,28 +40,29 @@ class CollisionGeometry:
 
     Parameters
     ----------
-    robot : the chain; its base frame is the world's.
-    urdf : the same arm with meshes.
-    opened : positions [rad or m] of joints off the chain, as of fingers.
+    name : of a shipped robot, or the path of a folder; the base frame is the world's.
+    opened : positions [rad or m] of joints beside the chain, as of fingers; None: those of the folder.
 
     Raises
     ------
     RobotError : the URDF lacks a joint of the chain or of `opened`.
     """
 
-    def __init__(self, robot: Robot, urdf: Path, opened: Mapping[str, float] | None = None) -> None:
-        self.robot = robot
+    def __init__(self, name: str | Path, opened: Mapping[str, float] | None = None) -> None:
+        described = RobotDescription.named(name)
+        opened = described.simulated_joints if opened is None else opened
+        self.robot = robot = Robot.named(name)
         self._client = PhysicsClient()
-        self._arm = self._client.loadURDF(str(urdf), useFixedBase=True)
+        self._arm = load_arm(self._client, described)
         self._spheres: dict[float, int] = {}
         self._surroundings: list[int] = []
         infos = [self._client.getJointInfo(self._arm, index) for index in range(self._client.getNumJoints(self._arm))]
         joints = {info[1].decode(): info[0] for info in infos}
-        missing = [name for name in (*robot.joint_names, *(opened or {})) if name not in joints]
+        missing = [name for name in (*robot.joint_names, *opened) if name not in joints]
         if missing:
-            raise RobotError(f"joint '{missing[0]}' is not in {urdf.name}; it has {', '.join(joints)}")
+            raise RobotError(f"joint '{missing[0]}' is not in {described.simulated_urdf}; it has {', '.join(joints)}")
         self._joints = [joints[name] for name in robot.joint_names]
-        for name, position in (opened or {}).items():
+        for name, position in opened.items():
             self._client.resetJointState(self._arm, joints[name], position)
         self._names = {-1: robot.base_link} | {info[0]: info[12].decode() for info in infos}
         self._parents = {info[0]: info[16] for info in infos}
@@ -68,12 +70,6 @@ class CollisionGeometry:
             self._part(index) for index in self._names if self._client.getCollisionShapeData(self._arm, index)
         )
         self._carriers = {part.index: part.link for part in self.parts}
-
-    @classmethod
-    def panda(cls) -> CollisionGeometry:
-        """The Panda of the twin, its fingers opened as there."""
-        fingers = dict.fromkeys(("panda_finger_joint1", "panda_finger_joint2"), FINGER_OPENING)
-        return cls(Robot.panda(), PANDA_URDF, fingers)
 
     def place(self, joint_positions: np.ndarray) -> None:
         """Put the arm at joint positions (n,) [rad], inside the limits or not."""

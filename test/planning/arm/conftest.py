@@ -109,7 +109,7 @@ def on_elbow(planner: ReactivePlanner, nominal: JointReference) -> tuple[np.ndar
 @pytest.fixture(scope="module")
 def least_clearance() -> Iterator[Callable[[Sequence[np.ndarray], tuple[np.ndarray, np.ndarray]], float]]:
     """least_clearance(postures, sphere): least distance [m] of the meshes from one sphere, by PyBullet."""
-    with CollisionGeometry.panda() as meshes:
+    with CollisionGeometry("panda") as meshes:
 
         def measure(postures: Sequence[np.ndarray], sphere: tuple[np.ndarray, np.ndarray]) -> float:
             least = np.inf

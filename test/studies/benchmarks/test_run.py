@@ -71,7 +71,8 @@ def test_a_wrong_cost_shows() -> None:
 
 
 def test_stages_and_scaling_have_rows_of_their_own(content: dict) -> None:
-    assert {"mark", "search", "refine", "curve", "time law", "certificate", "tick"} <= set(content["stages"])
+    stages = {"mark", "search", "refine", "curve", "time law", "certificate", "tick", "kinematics"}
+    assert stages <= set(content["stages"])
     for stage in content["stages"].values():
         assert set(stage["ms"]) == set(stage["cpu_ms"]) == PERCENTILES
         assert stage["runs"] == TINY.ticks

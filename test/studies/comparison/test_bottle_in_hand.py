@@ -35,7 +35,7 @@ def arena() -> Arena:
 
 def bottle_points(posture: np.ndarray, points: np.ndarray) -> np.ndarray:
     """Points (n, 3) of the bottle's own frame, in the base frame [m]."""
-    position, quaternion = Robot.panda().forward(posture)
+    position, quaternion = Robot.named("panda").forward(posture)
     in_tool = np.array(BOTTLE.position) + rotate(np.array(BOTTLE.quaternion), points)
     return position + rotate(quaternion, in_tool)
 
@@ -45,10 +45,10 @@ def test_the_bottle_is_where_the_hand_is() -> None:
     side = np.stack([RADIUS * np.cos(angles), RADIUS * np.sin(angles), heights], axis=-1).reshape(-1, 3)
     disc = (np.linspace(0.0, 1.0, 60)[:, None, None] * side[:400] * [1.0, 1.0, 0.0]).reshape(-1, 3)
     end = np.array([0.0, 0.0, 0.5 * HEIGHT])
-    posture = Robot.panda().ready
+    posture = Robot.named("panda").ready
     surface = bottle_points(posture, np.concatenate([side, disc + end, disc - end]))
     random = np.random.default_rng(0)
-    with MeshesAndBottle.panda() as meshes:
+    with MeshesAndBottle("panda") as meshes:
         meshes.place(posture)
         for centre in bottle_points(posture, random.uniform(-0.25, 0.25, size=(40, 3))):
             nearest = np.min(np.linalg.norm(surface - centre, axis=1))

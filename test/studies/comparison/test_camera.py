@@ -61,7 +61,7 @@ def scene(arena: Arena) -> Scene:
 
 
 def watching(arena: Arena, scene: Scene) -> Camera:
-    return Camera(arena, CollisionModel.panda(), scene)
+    return Camera(arena, CollisionModel.named("panda"), scene)
 
 
 def truth(tick: int) -> Obstacles:
@@ -127,7 +127,7 @@ def test_positions_are_noisy_and_detections_lost(arena, scene) -> None:
 
 def behind(arena: Arena, posture: np.ndarray, link: str) -> np.ndarray:
     """A place (3,) [m] behind a link as the camera sees it."""
-    centre = CollisionModel.panda().of_link(link).positions(arena.robot, posture[None])[0, 0]
+    centre = CollisionModel.named("panda").of_link(link).positions(arena.robot, posture[None])[0, 0]
     return centre + 0.3 * (centre - PLACE) / np.linalg.norm(centre - PLACE)
 
 

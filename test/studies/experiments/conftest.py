@@ -36,7 +36,7 @@ def demonstrations() -> Demonstrations:
 @pytest.fixture(scope="session")
 def reach_poses(reach_demonstrations) -> Demonstrations:
     """The tool's poses in what reach_skill was learned from."""
-    return reach_demonstrations.tool_demonstrations(Robot.panda())
+    return reach_demonstrations.tool_demonstrations(Robot.named("panda"))
 
 
 @pytest.fixture(scope="session")

@@ -32,7 +32,7 @@ def shown() -> Circles:
 
 
 def test_families_draw_the_same_circles_with_their_elbows_elsewhere(shown) -> None:
-    robot = Robot.panda()
+    robot = Robot.named("panda")
     for number, configurations in enumerate(shown.configurations):
         tool = np.array([robot.forward(configuration)[0] for configuration in configurations])
         same = np.array([robot.forward(configuration)[0] for configuration in shown.configurations[number % 2]])

@@ -33,7 +33,7 @@ COARSE = PlannerSettings(grid_shape=(30, 30, 30))
 SMALL = JointTrainingSettings(
     steps=700, hidden=(64, 32), samples=80, kernels=100, batch=128, precision_samples=2, precision_iterations=60
 )
-ROBOT = Robot.panda()
+ROBOT = Robot.named("panda")
 BOX = (20, 20, 20)
 
 

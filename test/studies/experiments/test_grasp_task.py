@@ -51,7 +51,7 @@ def test_targets_are_reached_along_what_was_shown_and_straight_lines_are_not(rep
 
 def test_the_arm_of_the_picture_follows_the_path_without_a_jump(report) -> None:
     path = next(item.path for item in report.targets if item.path is not None)
-    configurations, robot = arm_along(path, 40), Robot.panda()
+    configurations, robot = arm_along(path, 40), Robot.named("panda")
     even = path.resampled(40)
     for configuration, position, quaternion in zip(configurations, even.positions, even.quaternions, strict=True):
         reached = robot.forward(configuration)

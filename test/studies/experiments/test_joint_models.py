@@ -22,7 +22,7 @@ from geodesic_motion_ros.studies.experiments.joint_models import (
     tool_positions,
 )
 
-ROBOT = Robot.panda()
+ROBOT = Robot.named("panda")
 SMALL = JointTrainingSettings(
     sheet="raw", hidden=(32, 16), steps=300, batch=64, learning_rate=1e-2, samples=30, kernels=60,
     precision_samples=1, precision_iterations=100,

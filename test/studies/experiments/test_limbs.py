@@ -17,7 +17,7 @@ from geodesic_motion_ros.studies.experiments.limbs import Limbs, LimbsReport, so
 from geodesic_motion_ros.utils.errors import ParameterError
 from geodesic_motion_ros.utils.tables import write_json
 
-ROBOT, MODEL = Robot.panda(), CollisionModel.panda()
+ROBOT, MODEL = Robot.named("panda"), CollisionModel.named("panda")
 
 
 @pytest.fixture(scope="module")

@@ -9,7 +9,7 @@ from geodesic_motion_ros.studies.experiments.posture_strip import evenly, postur
 
 
 def test_the_second_row_alone_shows_its_sphere() -> None:
-    ready = Robot.panda().ready
+    ready = Robot.named("panda").ready
     motion = ready + np.linspace(0.0, 0.3, 30)[:, None]
     sphere = {"0": (np.array([0.5, -0.3, 0.4]), 0.08)}
     picture = posture_strips([motion, motion], [{}, sphere], width=64, height=48, postures=3).astype(int)

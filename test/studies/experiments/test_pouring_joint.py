@@ -29,7 +29,7 @@ SMALL = JointTrainingSettings(
     steps=600, hidden=(64, 32), samples=60, kernels=100, batch=128, precision_samples=2, precision_iterations=60
 )
 COARSE = PlannerSettings(grid_shape=(25, 25, 25))
-ROBOT = Robot.panda()
+ROBOT = Robot.named("panda")
 
 
 def thinned(guidance: Guidance, every: int = 10) -> Guidance:

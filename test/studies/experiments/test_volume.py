@@ -35,7 +35,7 @@ def test_the_volume_of_a_posture_is_that_of_the_learning(metric: JointMetricSett
     """Of the metric's points and the tool's orientation, which three points tell where the metric does not know it; the
     Jacobians are of the kernels here.
     """
-    robot = Robot.panda()
+    robot = Robot.named("panda")
     configurations = robot.sample(50, np.random.default_rng(0))
     beside = {} if metric.orientation_weight > 0.0 else {robot.tool_link: (TOOL_AXES * np.eye(3)).tolist()}
     body = BodyPoints.of(robot, points_along_links(robot, metric.point_spacing) | beside)

@@ -73,7 +73,7 @@ def test_what_is_answered_where_all_paths_are_blocked_is_clear(report, paths) ->
 
 
 def test_an_elbow_is_hit_by_who_knows_the_hand_alone(report) -> None:
-    model, robot = hand_alone(CollisionModel.panda()), Robot.panda()
+    model, robot = hand_alone(CollisionModel.named("panda")), Robot.named("panda")
     for scene in report.blocked["elbow"]:
         for configuration in scene.nominal.positions[::10]:
             distance, _ = configuration_clearance(model, robot, configuration, scene.centres, scene.radii)
@@ -102,7 +102,7 @@ def test_moving_spheres_touch_no_moving_arm_and_the_command_is_smooth(report) ->
 def test_spheres_begin_clear_of_the_arm(stage) -> None:
     random = np.random.default_rng(3)
     _, nominal = draw_query(stage.planner, random)
-    model, robot = CollisionModel.panda(), Robot.panda()
+    model, robot = CollisionModel.named("panda"), Robot.named("panda")
     for sphere in draw_spheres(nominal_arm(stage.planner, nominal), random):
         posture = nominal.sample(sphere.appears)[0]
         distance, _ = configuration_clearance(

@@ -34,7 +34,7 @@ from geodesic_motion_ros.studies.faults import (
 from geodesic_motion_ros.studies.faults.fault import STATE_TIMEOUT, Findings
 
 FRAME = "panda_link0"
-JOINTS = Robot.panda().joint_names
+JOINTS = Robot.named("panda").joint_names
 TIMEOUTS = {parameter.name: parameter.default for parameter in PLANNER if parameter.name.endswith("_timeout")}
 PERIOD, SPEED, TOOL = 0.01, 0.2, 0.05
 START, GOAL = np.array([0.5, -0.4, 0.4]), np.array([0.5, 0.4, 0.4])

@@ -14,7 +14,7 @@ from geodesic_motion_ros.studies.faults.fuzz import INPUTS, Fuzzer
 
 READERS = {
     "goal_pose": lambda message: read_pose(message, "panda_link0"),
-    "joint_states": lambda message: read_joint_positions(message, Robot.panda().joint_names),
+    "joint_states": lambda message: read_joint_positions(message, Robot.named("panda").joint_names),
     "obstacle_marker": lambda message: read_marker(marker_in(serialize_message(message)), "panda_link0"),
     "obstacle_cloud": lambda message: read_cloud(message, "panda_link0"),
 }

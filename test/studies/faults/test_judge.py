@@ -13,7 +13,7 @@ from geodesic_motion_ros.robot.limits import JointLimits
 from geodesic_motion_ros.simulation.trajectory_player import JointWaypoints
 from geodesic_motion_ros.studies.faults.judge import Target, TargetJudge, Trajectory, TrajectoryJudge
 
-ROBOT = Robot.panda()
+ROBOT = Robot.named("panda")
 LIMITS = JointLimits.of(ROBOT, 0.3, 0.2)
 NOW = 1000.0
 #: The one place (1, 7) where the arm was.

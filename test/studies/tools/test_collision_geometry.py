@@ -8,15 +8,15 @@ import numpy as np
 import pytest
 
 from geodesic_motion_ros.planning.declared_scene import DeclaredScene
-from geodesic_motion_ros.robot.kinematics import Robot
-from geodesic_motion_ros.simulation.world import FINGER_OPENING, PANDA_URDF, PandaWorld
+from geodesic_motion_ros.robot.description import RobotDescription
+from geodesic_motion_ros.simulation.world import ArmWorld
 from geodesic_motion_ros.studies.tools.collision_geometry import CollisionGeometry
 from geodesic_motion_ros.utils.errors import RobotError
 
 
 @pytest.fixture(scope="module")
 def geometry() -> Iterator[CollisionGeometry]:
-    with CollisionGeometry.panda() as geometry:
+    with CollisionGeometry("panda") as geometry:
         yield geometry
 
 
@@ -28,8 +28,9 @@ def test_every_mesh_of_the_panda_is_there(geometry: CollisionGeometry) -> None:
 
 def test_fingers_are_as_far_apart_as_in_the_twin(geometry: CollisionGeometry) -> None:
     left, right = (part.vertices for part in geometry.parts[-2:])
-    assert left[:, 1].min() == pytest.approx(FINGER_OPENING, abs=1e-3)
-    assert right[:, 1].max() == pytest.approx(-FINGER_OPENING, abs=1e-3)
+    opened = RobotDescription.named("panda").simulated_joints
+    assert left[:, 1].min() == pytest.approx(opened["panda_finger_joint1"], abs=1e-3)
+    assert right[:, 1].max() == pytest.approx(-opened["panda_finger_joint2"], abs=1e-3)
     half_turn = np.array([-1.0, -1.0, 1.0])
     np.testing.assert_allclose(np.sort(left * half_turn, axis=0), np.sort(right, axis=0), atol=1e-6)
 
@@ -48,7 +49,7 @@ def test_vertices_are_where_the_meshes_are(geometry: CollisionGeometry) -> None:
 
 def test_distances_to_spheres_are_those_of_the_twin(geometry: CollisionGeometry) -> None:
     centre, radius = np.array([0.6, 0.1, 0.4]), 0.08
-    with PandaWorld() as world:
+    with ArmWorld() as world:
         world.set_obstacles({"ball": (centre, radius)})
         clearance, link = world.clearance()
     geometry.place(geometry.robot.ready)
@@ -81,8 +82,8 @@ def test_far_away_is_infinite(geometry: CollisionGeometry) -> None:
 
 
 def test_a_joint_that_the_urdf_lacks_is_named() -> None:
-    with pytest.raises(RobotError, match=r"'thumb' is not in panda\.urdf.*panda_finger_joint1"):
-        CollisionGeometry(Robot.panda(), PANDA_URDF, {"thumb": 0.1})
+    with pytest.raises(RobotError, match=r"'thumb' is not in .*panda\.urdf.*panda_finger_joint1"):
+        CollisionGeometry("panda", {"thumb": 0.1})
 
 
 def test_bodies_of_a_declared_scene_stand_where_they_are_declared_until_others_do(geometry: CollisionGeometry) -> None:

@@ -22,7 +22,7 @@ def small_decoder() -> JointDecoderNetwork:
     """An untrained decoder of Panda's joints, with random weights everywhere."""
     with torch.random.fork_rng():
         torch.manual_seed(3)
-        offset = torch.tensor(Robot.panda().ready.copy())
+        offset = torch.tensor(Robot.named("panda").ready.copy())
         decoder = JointDecoderNetwork(2, (20, 10), offset, torch.tensor(0.5).double()).double()
         network = RadialBasisNetwork(
             torch.randn(30, 2).double(),
@@ -37,7 +37,7 @@ def small_decoder() -> JointDecoderNetwork:
 
 @pytest.mark.parametrize("orientation_weight", [0.0, 1.0])
 def test_tensors_are_those_of_the_graph_and_can_be_differentiated(orientation_weight: float) -> None:
-    robot, decoder = Robot.panda(), small_decoder()
+    robot, decoder = Robot.named("panda"), small_decoder()
     settings = JointMetricSettings(orientation_weight=orientation_weight)
     body = settings.body_points(robot)
     codes, box = np.zeros((1, 2, 2)), np.ones(2)
@@ -59,7 +59,7 @@ def test_tensors_are_those_of_the_graph_and_can_be_differentiated(orientation_we
 
 def test_the_literal_metric_is_that_of_finite_differences() -> None:
     """M = J^T J of everything that the metric sees, central differences of body points, quaternion and sigma."""
-    robot, decoder = Robot.panda(), small_decoder()
+    robot, decoder = Robot.named("panda"), small_decoder()
     settings = JointTrainingSettings.paper().metric
     body = settings.body_points(robot)
     numpy_decoder, latent, step = decoder.to_numpy(), np.random.default_rng(1).uniform(-0.5, 0.5, (20, 2)), 1e-5

@@ -17,7 +17,7 @@ from geodesic_motion_ros.studies.tools.self_collision import joints_between, nev
 
 @pytest.fixture(scope="module")
 def geometry() -> Iterator[CollisionGeometry]:
-    with CollisionGeometry.panda() as geometry:
+    with CollisionGeometry("panda") as geometry:
         yield geometry
 
 
@@ -37,7 +37,7 @@ def test_pairs_that_the_file_leaves_out_never_meet(geometry: CollisionGeometry) 
 
     Where forearm and flange touch, the hand does too: the spheres chosen for the two are the hand's.
     """
-    model = CollisionModel.panda()
+    model = CollisionModel.named("panda")
     checked = {(model.link_of(one), model.link_of(other)) for one, other in model.self_pairs}
     assert len(checked) == 13
     checked.add(("panda_link5", "panda_link7"))
@@ -59,7 +59,7 @@ def test_parts_that_meet_are_not_said_never_to(geometry: CollisionGeometry) -> N
 def test_chosen_spheres_tell_every_contact(geometry: CollisionGeometry, monkeypatch: pytest.MonkeyPatch) -> None:
     """Of forearm against flange and hand, whose spheres nearly always overlap; on a coarse grid, checked in between."""
     monkeypatch.setattr(self_collision, "GRID_STEP", 0.03)
-    model, robot = CollisionModel.panda(), geometry.robot
+    model, robot = CollisionModel.named("panda"), geometry.robot
     forearm, others = part(geometry, "link5"), [part(geometry, name) for name in ("link7", "hand")]
     rows = {body.name: np.flatnonzero(np.array(model.points.names) == body.name) for body in (forearm, *others)}
     table = np.column_stack([model.points.offsets, model.radii])

@@ -34,7 +34,7 @@ _EXACT = 1e-6
 OUT = numba.types.Array(numba.float64, 2, "C")
 
 
-def panda_solutions(robot: Robot, position: np.ndarray, quaternion: np.ndarray, last: float) -> np.ndarray:
+def solutions(robot: Robot, position: np.ndarray, quaternion: np.ndarray, last: float) -> np.ndarray:
     """Configurations (n, 7) [rad] inside the limits that hold a Panda's tool in a pose, the last joint at `last` [rad].
 
     Parameters

@@ -6,16 +6,16 @@ import numpy as np
 
 from geodesic_motion_ros.geometry.quaternions import angle_between
 from geodesic_motion_ros.robot.kinematics import Robot
-from geodesic_motion_ros.studies.tools.panda_solutions import panda_solutions
+from geodesic_motion_ros.robot.solutions import solutions as solutions_of
 
-ROBOT = Robot.panda()
+ROBOT = Robot.named("panda")
 CONFIGURATIONS = ROBOT.sample(200, np.random.default_rng(0))
 #: Nearly stretched: the fourth joint, which bends by half a turn, is almost straight.
 STRETCHED = np.array([0.3, 0.4, -0.2, -0.2, 0.5, 2.1, 0.7])
 
 
 def solutions(configuration: np.ndarray) -> np.ndarray:
-    return panda_solutions(ROBOT, *ROBOT.forward(configuration), configuration[6])
+    return solutions_of(ROBOT, *ROBOT.forward(configuration), configuration[6])
 
 
 def test_every_configuration_is_among_the_solutions_for_its_own_pose() -> None:
@@ -42,4 +42,4 @@ def test_every_solution_holds_the_pose_inside_the_limits_and_they_differ() -> No
 
 def test_a_pose_out_of_reach_has_none() -> None:
     position, quaternion = ROBOT.forward(CONFIGURATIONS[0])
-    assert len(panda_solutions(ROBOT, position + [2.0, 0.0, 0.0], quaternion, 0.0)) == 0
+    assert len(solutions_of(ROBOT, position + [2.0, 0.0, 0.0], quaternion, 0.0)) == 0

@@ -1,0 +1,106 @@
+"""`geodesic-motion robot`: a robot's folder out of its URDF."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+
+from geodesic_motion_ros.cli.arguments import HelpFormatter
+from geodesic_motion_ros.utils.errors import ParameterError
+
+_DESCRIPTION = """\
+Make the folder that a robot is to this package, out of a URDF (run xacro first where it is one): its collision bodies
+are cut into convex parts and covered with spheres, pairs that can meet are drawn, a ready posture is proposed. Look at
+the picture, then name the folder in the place of a robot's name: `train --robot DIR`.
+"""
+_EPILOG = """\
+examples:
+  geodesic-motion robot arm.urdf --base base_link --tip tool0 --out robots/arm \\
+      --acceleration 10 --jerk 1000 --limits-source "data sheet of the maker, page 12"
+  geodesic-motion robot arm.urdf --base base_link --tip tool0 --out robots/arm --acceleration 5,5,7,7,9,9 --jerk 500 \\
+      --beside finger=0.02 --ready 0,-1.57,1.57,0,1.57,0 --limits-source "measured"
+"""
+
+
+def numbers(text: str) -> tuple[float, ...]:
+    """Numbers out of "5,5,7"."""
+    try:
+        return tuple(float(part) for part in text.split(","))
+    except ValueError:
+        raise argparse.ArgumentTypeError(f"'{text}' is not a list of numbers like 5,5,7") from None
+
+
+def position(text: str) -> tuple[str, float]:
+    """A joint and its position out of "finger=0.02"."""
+    name, _, value = text.partition("=")
+    try:
+        return name, float(value)
+    except ValueError:
+        raise argparse.ArgumentTypeError(f"'{text}' is not a joint with its position, like finger=0.02") from None
+
+
+def add_command(commands: argparse._SubParsersAction) -> None:
+    """Add the command to the parser of the command line."""
+    parser = commands.add_parser(
+        "robot", help="a robot of your own, out of its URDF",
+        description=_DESCRIPTION, epilog=_EPILOG, formatter_class=HelpFormatter,
+    )  # fmt: skip
+    parser.add_argument("urdf", type=Path, metavar="FILE.urdf", help="with collision meshes (.stl, .obj) or shapes")
+    parser.add_argument("--base", required=True, metavar="LINK", help="where the chain begins, and all poses' frame")
+    parser.add_argument("--tip", required=True, metavar="LINK", help="the link that skills move")
+    parser.add_argument("--out", type=Path, required=True, metavar="DIR", help="the folder to make")
+    parser.add_argument("--name", help="what the robot is called; as its folder without it")
+    each = "one number for all joints, or one for each joint"
+    parser.add_argument("--acceleration", type=numbers, metavar="A", help=f"limits [rad/s^2], {each}")
+    parser.add_argument("--jerk", type=numbers, metavar="J", help=f"limits [rad/s^3], {each}")
+    parser.add_argument("--velocity", type=numbers, metavar="V", help=f"limits [rad/s] in place of the URDF's, {each}")
+    parser.add_argument("--limits-source", metavar="TEXT", help="where these limits are from")
+    parser.add_argument("--ready", type=numbers, metavar="Q", help="a comfortable posture [rad]; proposed without it")
+    parser.add_argument(
+        "--beside", type=position, action="append", metavar="JOINT=POSITION",
+        help="where a joint beside the chain is, as a finger [rad, m]; 0 without it",
+    )  # fmt: skip
+    parser.set_defaults(run=run)
+
+
+def run(arguments: argparse.Namespace) -> None:
+    """Make the folder, say how good it is, draw it."""
+    from geodesic_motion_ros.robot.kinematics import Robot
+    from geodesic_motion_ros.robot.making import Limits, make_robot
+    from geodesic_motion_ros.visualization.robot_view import draw_spheres
+
+    joints = Robot.from_urdf(arguments.urdf, arguments.base, arguments.tip).joint_names
+    wanted = ("acceleration", "jerk", "limits_source")
+    if missing := [f"--{name.replace('_', '-')}" for name in wanted if getattr(arguments, name) is None]:
+        raise ParameterError(
+            f"a URDF says nothing of accelerations and jerks: give {', '.join(missing)} for {', '.join(joints)}"
+        )
+    limits = {name: _each(name, getattr(arguments, name), joints) for name in ("acceleration", "jerk", "velocity")}
+    made = make_robot(
+        arguments.urdf, arguments.base, arguments.tip, arguments.out, Limits(source=arguments.limits_source, **limits),
+        arguments.name, arguments.ready, dict(arguments.beside or ()),
+    )  # fmt: skip
+    for link, rows in made.spheres.items():
+        names = [body.name for body in made.bodies if body.link == link]
+        print(f"{link:24} {len(rows):3} spheres of {', '.join(dict.fromkeys(names))}")
+    print(f"farthest point outside all spheres: {1e3 * max(0.0, made.farthest_outside()):.1f} mm")
+    for pair in made.pairs:
+        touching, overlapping = 100.0 * pair.touching, 100.0 * pair.overlapping
+        chosen = "" if pair.spheres is None else f", {len(pair.spheres)} pairs of spheres chosen"
+        print(
+            f"kept apart: {' and '.join(pair.links)}; in the postures drawn their bodies nearly touch in "
+            f"{touching:.1f} %, their spheres overlap in {overlapping:.1f} %{chosen}"
+        )
+    robot = Robot.named(made.folder)
+    print(f"ready: {', '.join(f'{value:.3f}' for value in robot.ready)} rad")
+    draw_spheres(robot, made.bodies, made.spheres, made.folder / "spheres.png")
+    print(f"wrote the robot to {made.folder}, its picture to {made.folder / 'spheres.png'}")
+
+
+def _each(name: str, values: tuple[float, ...] | None, joints: tuple[str, ...]) -> tuple[float, ...] | None:
+    """One limit for each joint."""
+    if values is None:
+        return None
+    if len(values) not in (1, len(joints)) or not all(0.0 < value < float("inf") for value in values):
+        raise ParameterError(f"--{name}: expected a positive number, or {len(joints)} of them for {', '.join(joints)}")
+    return values if len(values) > 1 else values * len(joints)

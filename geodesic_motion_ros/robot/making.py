@@ -1,0 +1,252 @@
+"""Makes a robot's folder (`description.py`) out of a URDF: what `geodesic-motion robot` does."""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Mapping, Sequence
+from copy import deepcopy
+from dataclasses import dataclass
+from pathlib import Path
+from xml.etree import ElementTree
+
+import numpy as np
+import yaml
+
+from geodesic_motion_ros.robot.collision_bodies import Body, collision_bodies, mesh_path, read_mesh, write_mesh
+from geodesic_motion_ros.robot.collision_model import CollisionModel, self_clearance
+from geodesic_motion_ros.robot.convex_parts import convex_parts
+from geodesic_motion_ros.robot.description import FILE
+from geodesic_motion_ros.robot.kinematics import Robot
+from geodesic_motion_ros.robot.self_pairs import LinkPair, draw_self_pairs
+from geodesic_motion_ros.robot.sphere_cover import DECIMALS, PROTRUSION, file_spheres
+from geodesic_motion_ros.robot.urdf import read_urdf
+from geodesic_motion_ros.utils.errors import ParameterError, RobotError
+
+HAND_PROTRUSION = 0.02
+"""How far [m] spheres of the links that the last joint carries may stick out: they come near things."""
+THINNEST = 0.004
+"""Bodies that are too thin for a protrusion are covered with half of it, and so on down to this [m]."""
+POSTURES = 2000
+"""Drawn, of which the ready posture is the best."""
+APART = 0.01
+"""Distance [m] of the spheres that are kept apart, in a ready posture that is proposed."""
+_FRAME_INERTIA = (
+    '<inertial><mass value="0.001"/><inertia ixx="1e-6" ixy="0" ixz="0" iyy="1e-6" iyz="0" izz="1e-6"/></inertial>'
+)
+
+
+@dataclass(frozen=True)
+class Limits:
+    """What a URDF does not say, (n,) each in SI units; velocity None where the URDF's are right.
+
+    source : where the numbers are from.
+    """
+
+    acceleration: Sequence[float]
+    jerk: Sequence[float]
+    source: str
+    velocity: Sequence[float] | None = None
+
+
+@dataclass(frozen=True)
+class MadeRobot:
+    """What was made: the folder, the bodies of the URDF, the spheres (S, 4) [m] by link, and the pairs kept apart."""
+
+    folder: Path
+    bodies: tuple[Body, ...]
+    spheres: Mapping[str, np.ndarray]
+    pairs: tuple[LinkPair, ...]
+
+    def farthest_outside(self) -> float:
+        """How far [m] the farthest vertex of a body is outside all spheres of its link; negative: none is."""
+        return max(float(_outside(body.vertices, self.spheres[body.link]).max()) for body in self.bodies)
+
+
+def make_robot(
+    urdf: Path,
+    base_link: str,
+    tool_link: str,
+    out: Path,
+    limits: Limits,
+    name: str | None = None,
+    ready: Sequence[float] | None = None,
+    beside: Mapping[str, float] | None = None,
+) -> MadeRobot:
+    """Write a robot's folder: a URDF of what moves and collides, its meshes, limits, spheres and pairs.
+
+    Parameters
+    ----------
+    ready : (n,) [rad]; None: a posture is proposed.
+    beside : positions [rad, m] of joints beside the chain, as of fingers.
+
+    Raises
+    ------
+    RobotError : the URDF does not fit, as `Robot.from_urdf` and `collision_bodies`.
+    ParameterError : the folder exists, or bodies cannot be covered.
+    """
+    if out.exists() and any(out.iterdir()):
+        raise ParameterError(f"{out} exists and is not empty: give another folder")
+    source = Robot.from_urdf(urdf, base_link, tool_link)
+    posture = None if ready is None else source.checked(np.array(ready))
+    out.mkdir(parents=True, exist_ok=True)
+    try:
+        return _write(source, out, limits, name or out.name, posture, beside or {})
+    except BaseException:
+        shutil.rmtree(out)
+        raise
+
+
+def _write(
+    source: Robot, out: Path, limits: Limits, name: str, posture: np.ndarray | None, beside: Mapping[str, float]
+) -> MadeRobot:
+    """Write the files of a folder; spheres and pairs are those of the bodies in it."""
+    urdf = out / source.urdf.name
+    _write_urdf(source.urdf, urdf)
+    _write_limits(source, limits, out / "joint_limits.yaml")
+    robot = Robot.from_urdf(urdf, source.base_link, source.tool_link)
+    bodies = collision_bodies(robot, beside)
+    spheres = cover_bodies(robot, bodies)
+    pairs = draw_self_pairs(robot, spheres, bodies)
+    (out / "spheres.yaml").write_text(_spheres_text(spheres, pairs))
+    model = CollisionModel.load(out / "spheres.yaml", robot)
+    posture = propose_ready(robot, model) if posture is None else posture
+    clearance, (one, other) = self_clearance(model, robot, posture)
+    if clearance <= 0.0:
+        raise RobotError(f"at the ready posture {model.link_of(one)} touches {model.link_of(other)}: give another one")
+    described = {
+        "name": name, "urdf": urdf.name, "base_link": robot.base_link, "tool_link": robot.tool_link,
+        "limits": "joint_limits.yaml", "limits_source": limits.source, "ready": [float(x) for x in posture],
+        "spheres": "spheres.yaml", "hand": bodies[-1].link,
+    }  # fmt: skip
+    if beside:
+        described["simulation"] = {"joints": {joint: float(value) for joint, value in beside.items()}}
+    (out / FILE).write_text(yaml.safe_dump(described, sort_keys=False, default_flow_style=None, width=110))
+    return MadeRobot(out, bodies, spheres, pairs)
+
+
+def cover_bodies(robot: Robot, bodies: Sequence[Body]) -> dict[str, np.ndarray]:
+    """Spheres (S, 4) [m] by link, base first, that hold all bodies.
+
+    A body that the first joint alone turns is as high above what the arm stands on, z = 0, in every posture: where its
+    spheres are lower than that, and it is not, finer ones are taken.
+    """
+    turned = np.append(0, np.cumsum(robot.chain[3] >= 0))
+    rotations, origins = robot.link_frames(robot.ready)
+    found: dict[str, list[np.ndarray]] = {}
+    for body in bodies:
+        link = robot.link_names.index(body.link)
+        protrusion = HAND_PROTRUSION if turned[link] == turned[-1] else PROTRUSION
+        rows = _covered(body, protrusion)
+        up, height = rotations[link][2], origins[link][2]
+        if turned[link] == 1 and np.min(rows[:, :3] @ up - rows[:, 3]) < -height < np.min(body.vertices @ up):
+            rows = _covered(body, 0.5 * protrusion)
+        found.setdefault(body.link, []).append(rows)
+    return {link: np.concatenate(rows) for link, rows in found.items()}
+
+
+def propose_ready(robot: Robot, model: CollisionModel) -> np.ndarray:
+    """A posture (n,) [rad] far from limits and singularities, the tool before and above the base, `APART` from itself.
+
+    Of drawn ones within the middle half of the joints' ranges, that of the largest manipulability, the product of the
+    singular values of J, times the smallest distance from a limit as a share of its range.
+
+    Raises
+    ------
+    RobotError : none has its tool there.
+    """
+    bounded = np.isfinite(robot.lower)
+    lower, upper = np.where(bounded, robot.lower, -np.pi), np.where(bounded, robot.upper, np.pi)
+    middle = 0.5 * (lower + upper)
+    drawn = np.round(middle + 0.5 * (robot.sample(POSTURES, np.random.default_rng(0)) - middle), 3)
+    best, posture = 0.0, None
+    for q in drawn:
+        tool, _ = robot.forward(q)
+        if tool[2] < 0.1 * robot.reach or tool[0] < 0.2 * robot.reach:
+            continue
+        rooms = np.minimum(q - lower, upper - q)[bounded] / (upper - lower)[bounded]
+        score = np.min(rooms, initial=0.5) * np.prod(np.linalg.svd(robot.jacobian(q), compute_uv=False))
+        if score > best and self_clearance(model, robot, q)[0] >= APART:
+            best, posture = score, q
+    if posture is None:
+        raise RobotError("no posture was found with the tool before and above the base: give one with --ready")
+    return posture
+
+
+def _covered(body: Body, protrusion: float) -> np.ndarray:
+    while True:
+        try:
+            return file_spheres(body.vertices, protrusion)
+        except ParameterError as error:
+            protrusion *= 0.5
+            if protrusion < THINNEST:
+                raise ParameterError(f"the collision body of link '{body.name}' cannot be covered: {error}") from error
+
+
+def _outside(points: np.ndarray, spheres: np.ndarray) -> np.ndarray:
+    """How far (V,) [m] points are outside the union of spheres (S, 4)."""
+    gaps = np.linalg.norm(points[:, None] - spheres[:, :3], axis=-1) - spheres[:, 3]
+    return gaps.min(axis=1)
+
+
+def _write_urdf(source: Path, path: Path) -> None:
+    """The URDF without what is not used here. Its meshes are those that collide, in convex parts, for the eye too."""
+    root = read_urdf(source)
+    for extra in [child for child in root if child.tag not in ("link", "joint")]:
+        root.remove(extra)
+    for link in root.findall("link"):
+        for visual in link.findall("visual"):
+            link.remove(visual)
+        collisions = link.findall("collision")
+        if link.find("inertial") is None and not collisions:
+            # a frame alone; simulators take what says nothing for a kilogramme
+            link.append(ElementTree.fromstring(_FRAME_INERTIA))
+        for collision in collisions:
+            link.remove(collision)
+            for part in _convex(collision, source, path.parent / "meshes"):
+                shown = deepcopy(part)
+                shown.tag = "visual"
+                link.extend((part, shown))
+    ElementTree.indent(root)
+    path.write_text(f'<?xml version="1.0"?>\n{ElementTree.tostring(root, encoding="unicode")}\n')
+
+
+def _convex(collision: ElementTree.Element, urdf: Path, meshes: Path) -> list[ElementTree.Element]:
+    """A collision body, or one for each convex part of its mesh, whose files are in a folder `meshes` then."""
+    mesh = collision.find("geometry/mesh")
+    if mesh is None:
+        return [collision]
+    source = mesh_path(mesh.get("filename", ""), urdf)
+    meshes.mkdir(exist_ok=True)
+    try:
+        parts = convex_parts(read_mesh(source))
+    except ValueError as error:
+        raise RobotError(f"mesh {source} holds no body: {error}") from error
+    found = []
+    for number, triangles in enumerate(parts, start=1):
+        file = meshes / (f"{source.stem}.stl" if len(parts) == 1 else f"{source.stem}_{number}.stl")
+        write_mesh(triangles, file)
+        found.append(deepcopy(collision))
+        found[-1].find("geometry/mesh").set("filename", f"{meshes.name}/{file.name}")
+    return found
+
+
+def _write_limits(robot: Robot, limits: Limits, path: Path) -> None:
+    table = {}
+    for i, joint in enumerate(robot.joint_names):
+        table[joint] = {"max_acceleration": float(limits.acceleration[i]), "max_jerk": float(limits.jerk[i])}
+        if limits.velocity is not None:
+            table[joint]["max_velocity"] = float(limits.velocity[i])
+    text = yaml.safe_dump({"joint_limits": table}, sort_keys=False, default_flow_style=None)
+    path.write_text(f"# Accelerations [rad/s^2], jerks [rad/s^3], velocities [rad/s]. From: {limits.source}\n{text}")
+
+
+def _spheres_text(spheres: Mapping[str, np.ndarray], pairs: Sequence[LinkPair]) -> str:
+    lines = ["# Spheres that hold the collision bodies, made by `geodesic-motion robot`.", "spheres:"]
+    for link, rows in spheres.items():
+        lines.append(f"  {link}:  # [x, y, z, radius] [m] in its frame")
+        lines += [f"    - [{', '.join(f'{value:.{DECIMALS}f}' for value in row)}]" for row in rows]
+    lines.append("self_collision:" if pairs else "self_collision: []")
+    for pair in pairs:
+        chosen = "" if pair.spheres is None else f", spheres: {[list(two) for two in pair.spheres]}"
+        lines.append(f"  - {{links: [{', '.join(pair.links)}]{chosen}}}")
+    return "\n".join(lines) + "\n"

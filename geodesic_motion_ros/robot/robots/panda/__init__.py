@@ -1,0 +1,1 @@
+"""The Franka Emika Panda with its hand."""

@@ -1,0 +1,49 @@
+"""The command that makes a robot's folder: what it needs is named in one line."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from geodesic_motion_ros.cli import main
+from geodesic_motion_ros.robot.kinematics import Robot
+
+PANDA = Robot.named("panda").urdf
+ENDS = ["--base", "panda_link0", "--tip", "panda_hand"]
+LIMITS = ["--acceleration", "5", "--jerk", "500", "--limits-source", "chosen"]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (ENDS, "give --acceleration, --jerk, --limits-source for panda_joint1, panda_joint2"),
+        ([*ENDS, *LIMITS, "--velocity", "1,2"], "--velocity: expected a positive number, or 7 of them"),
+        ([*ENDS, *LIMITS], "panda.urdf has no <collision>"),
+        ([*ENDS[:3], "tool0", *LIMITS], "link 'tool0' is not in panda.urdf; it has panda_link0, panda_link1"),
+    ],
+)
+def test_what_is_missing_is_named(arguments: list[str], message: str, tmp_path: Path, capsys) -> None:
+    assert main(["robot", str(PANDA), *arguments, "--out", str(tmp_path / "arm")]) == 2
+    assert message in capsys.readouterr().err
+    assert not (tmp_path / "arm").exists()
+
+
+def test_a_robot_is_made_and_drawn(tmp_path: Path, capsys) -> None:
+    links = "".join(
+        f'<link name="{name}"><collision><origin xyz="0 0 0.06"/><geometry><box size="0.05 0.05 0.12"/></geometry>'
+        "</collision></link>"
+        for name in ("base", "upper", "lower")
+    )
+    joints = "".join(
+        f'<joint name="{name}" type="revolute"><parent link="{one}"/><child link="{other}"/><origin xyz="0 0 0.15"/>'
+        '<axis xyz="0 1 0"/><limit lower="-2" upper="2" velocity="1" effort="1"/></joint>'
+        for name, one, other in (("shoulder", "base", "upper"), ("elbow", "upper", "lower"))
+    )
+    (tmp_path / "arm.urdf").write_text(f'<robot name="arm">{links}{joints}</robot>')
+    out = tmp_path / "made"
+    given = ["robot", str(tmp_path / "arm.urdf"), "--base", "base", "--tip", "lower", "--out", str(out), *LIMITS]
+    assert main([*given, "--ready", "0.3,0.5"]) == 0
+    assert "farthest point outside all spheres: 0.0 mm" in capsys.readouterr().out
+    assert (out / "spheres.png").is_file()
+    assert Robot.named(out).joint_names == ("shoulder", "elbow")
