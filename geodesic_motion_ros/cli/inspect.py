@@ -20,15 +20,15 @@ from geodesic_motion_ros.cli.arguments import (
     read_recorded,
     writable,
 )
+from geodesic_motion_ros.cli.report import write_report
 from geodesic_motion_ros.demonstrations.bags import is_bag
 from geodesic_motion_ros.demonstrations.recorded_tables import files_in
-from geodesic_motion_ros.geometry.curves import arc_length
 from geodesic_motion_ros.geometry.quaternions import angle_between
 from geodesic_motion_ros.skill.description import DESCRIPTION
+from geodesic_motion_ros.utils.errors import ParameterError
 from geodesic_motion_ros.utils.tables import text_table, write_json
 
 if TYPE_CHECKING:
-    from geodesic_motion_ros.demonstrations.recordings import Recording
     from geodesic_motion_ros.manifold.latent_graph import LatentGraph
     from geodesic_motion_ros.skill.skill import Skill
 
@@ -37,7 +37,7 @@ _FILES = (".csv", ".npy", ".npz", ".txt")
 _DESCRIPTION = """\
 Shows what a skill holds: what it was learned from, how well, where it begins and ends, how large its latent graph is
 and from which thresholds on the planner refuses a path. Writes the picture of its latent space; that of a joint-space
-skill has a geodesic around an obstacle on the arm besides.
+skill has a geodesic around an obstacle on the arm besides. With --html all that is known of it is on one page.
 
 Of a recording (whatever `train` reads: a bag, .csv or a folder of them, .npy, .npz) it shows the demonstrations and
 everything that is wrong with them, each with its time and what `train` does about it; the picture has positions over
@@ -47,6 +47,7 @@ _EPILOG = """\
 examples:
   geodesic-motion inspect panda_pouring                 a shipped skill, by its name
   geodesic-motion inspect skills/pouring --json out/pouring.json --picture out/pouring.png
+  geodesic-motion inspect skills/pouring --html out/pouring.html
   geodesic-motion inspect pouring.npy --units cm
   geodesic-motion inspect recordings                    a folder written by the node `record`
   geodesic-motion inspect reach_bag --topic /joint_states
@@ -67,6 +68,10 @@ def add_command(commands: argparse._SubParsersAction) -> None:
     parser.add_argument(
         "--picture", type=Path, metavar="FILE", help="where its picture goes; without it out/inspect/NAME.png"
     )
+    parser.add_argument(
+        "--html", type=Path, metavar="FILE",
+        help="write the report of a skill as well, as `train` does; takes some seconds",
+    )  # fmt: skip
     add_json(parser)
     group = parser.add_argument_group("recording")
     add_formats(group, joints=True)
@@ -79,9 +84,12 @@ def run(arguments: argparse.Namespace) -> None:
     from geodesic_motion_ros.skill.skill import Skill
 
     writable(arguments.json)
+    writable(arguments.html)
     path = Path(arguments.skill)
     tables = files_in(path) and not (path / DESCRIPTION).exists()
     if is_bag(path) or path.suffix.lower() in _FILES or tables:
+        if arguments.html is not None:
+            raise ParameterError(f"--html is of skills, {path} is a recording: `train` writes one of what it learns")
         run_recording(arguments, path)
         return
     skill = Skill.load(arguments.skill)
@@ -89,7 +97,10 @@ def run(arguments: argparse.Namespace) -> None:
     _print(described)
     if arguments.json is not None:
         write_json(arguments.json, described)
-    pictured(skill, _picture(arguments, path))
+    picture = _picture(arguments, path)
+    pictured(skill, picture)
+    if arguments.html is not None:
+        write_report(skill, picture, arguments.html)
 
 
 def run_recording(arguments: argparse.Namespace, path: Path) -> None:
@@ -97,7 +108,7 @@ def run_recording(arguments: argparse.Namespace, path: Path) -> None:
     from geodesic_motion_ros.visualization.recording_view import draw_recording
 
     recording = read_recorded(arguments, (path,), of_bags=is_bag(path))
-    described = describe_recording(recording)
+    described = recording.described()
     unit = "rad" if recording.robot else "m"
     print(text_table(
         ("demonstration", "from [s]", "to [s]", "samples", "per s", f"length [{unit}]", "learned from"),
@@ -112,28 +123,6 @@ def run_recording(arguments: argparse.Namespace, path: Path) -> None:
     draw_recording(recording.takes, recording.motions, recording.left_out, recording.flaws, picture)
     print(f"\nwrote its picture to {picture}")
     recording.checked(arguments.strict)
-
-
-def describe_recording(recording: Recording) -> dict[str, list[dict[str, Any]]]:
-    """The demonstrations of a recording and its flaws, as plain values; times [s], lengths [rad] of joints or [m]."""
-    return {
-        "demonstrations": [
-            {
-                "name": take.name, "from": float(take.times[0]), "to": float(take.times[-1]), "samples": len(take),
-                "rate": float((len(take) - 1) / (take.times[-1] - take.times[0])),
-                "length": float(arc_length(take.values if take.of_joints else take.values[:, :3])[-1]),
-                "learned": "no" if take.name in recording.left_out or recording.refused else "yes",
-            }
-            for take in recording.motions
-        ],
-        "flaws": [
-            {
-                "demonstration": flaw.demonstration, "time": flaw.time, "what": flaw.what,
-                "action": f"{flaw.action.value}: {flaw.how}" if flaw.how else flaw.action.value,
-            }
-            for flaw in recording.flaws
-        ],
-    }  # fmt: skip
 
 
 def _picture(arguments: argparse.Namespace, path: Path) -> Path:

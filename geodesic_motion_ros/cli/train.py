@@ -24,6 +24,7 @@ from geodesic_motion_ros.cli.arguments import (
     seed,
     writable,
 )
+from geodesic_motion_ros.cli.report import write_report
 from geodesic_motion_ros.demonstrations.quaternion_order import looks_scalar_last, tilts
 from geodesic_motion_ros.demonstrations.recorded_tables import (
     DEFAULT_COLUMNS,
@@ -69,7 +70,8 @@ and repaired or left out; `inspect` shows it before the training.
 _EPILOG = """\
 With --held-out the skill is learned from the other demonstrations, and how well it predicts the held-out ones from
 their start and goal is printed and kept in the skill. The folder also gets report.png, the picture of its latent
-space. An existing skill in the folder is replaced, anything else is left alone.
+space, and report.html, all that is known of the skill on one page. An existing skill in the folder is replaced,
+anything else is left alone.
 
 examples:
   geodesic-motion train --demos pouring.npy --units cm --out skills/pouring
@@ -202,6 +204,7 @@ def run(arguments: argparse.Namespace, measures: Mapping[str, Measure] | None = 
     _note_the_result(skill.quality, extent)
     print(f"wrote the skill to {folder}")
     pictured(skill, folder / "report.png")
+    write_report(skill, folder / "report.png", folder / "report.html", recording)
     if arguments.json is not None:
         write_json(arguments.json, {"skill": skill.name, "folder": folder.as_posix(), "quality": skill.quality})
 

@@ -48,18 +48,23 @@ class CanonicalJointDemonstrations:
     goal_poles: np.ndarray
 
 
-def along_body_arc(
-    configurations: np.ndarray, robot: Robot, metric: JointMetricSettings, samples: int
-) -> np.ndarray:
-    """Configurations (samples, eta) [rad], equally spaced along the arc of a motion (T, eta) [rad].
+def body_arc(configurations: np.ndarray, robot: Robot, metric: JointMetricSettings) -> np.ndarray:
+    """Arc [m] up to each configuration of a motion (T, eta) [rad]; (T,), from 0.
 
-    The arc counts sqrt(mean_k |dp_k|^2 + joint_weight^2 |dtheta|^2), with p_k the metric's body points.
+    It counts sqrt(mean_k |dp_k|^2 + joint_weight^2 |dtheta|^2), with p_k the metric's body points.
     """
     body = metric.body_points(robot)
     points = place_body_points(np.ascontiguousarray(configurations), body.frames, body.offsets, robot.chain)
     moved = np.sum(np.diff(points, axis=0) ** 2, axis=-1).mean(axis=1)
     turned = np.sum(np.diff(configurations, axis=0) ** 2, axis=1)
-    arc = np.append(0.0, np.cumsum(np.sqrt(moved + metric.joint_weight**2 * turned)))
+    return np.append(0.0, np.cumsum(np.sqrt(moved + metric.joint_weight**2 * turned)))
+
+
+def along_body_arc(
+    configurations: np.ndarray, robot: Robot, metric: JointMetricSettings, samples: int
+) -> np.ndarray:
+    """Configurations (samples, eta) [rad], equally spaced along the arc of a motion (T, eta) [rad]."""
+    arc = body_arc(configurations, robot, metric)
     at = np.linspace(0.0, arc[-1], samples)
     return np.stack([np.interp(at, arc, column) for column in configurations.T], axis=1)
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 from geodesic_motion_ros.demonstrations import bags
 from geodesic_motion_ros.demonstrations.demonstrations import Demonstrations
@@ -13,6 +14,7 @@ from geodesic_motion_ros.demonstrations.joint_demonstrations import JointDemonst
 from geodesic_motion_ros.demonstrations.readers import demonstrations_of, joint_demonstrations_of
 from geodesic_motion_ros.demonstrations.splitting import Split, split
 from geodesic_motion_ros.demonstrations.takes import Action, Flaw, Take
+from geodesic_motion_ros.geometry.curves import arc_length
 from geodesic_motion_ros.utils.errors import DemonstrationError
 
 #: With a larger share of demonstrations left out, the recording is another one than it was taken for.
@@ -117,6 +119,27 @@ class Recording:
             listed = "; ".join(map(str, left[:5])) + (f"; and {len(left) - 5} more" if len(left) > 5 else "")
             raise DemonstrationError(f"{len(kept)} of {len(self.motions)} demonstrations remain: {listed}")
         return self._demonstrations(kept)
+
+    def described(self) -> dict[str, list[dict[str, Any]]]:
+        """The demonstrations and the flaws as plain values; times [s], lengths [rad] of joints or [m]."""
+        return {
+            "demonstrations": [
+                {
+                    "name": take.name, "from": float(take.times[0]), "to": float(take.times[-1]), "samples": len(take),
+                    "rate": float((len(take) - 1) / (take.times[-1] - take.times[0])),
+                    "length": float(arc_length(take.values if take.of_joints else take.values[:, :3])[-1]),
+                    "learned": "no" if take.name in self.left_out or self.refused else "yes",
+                }
+                for take in self.motions
+            ],
+            "flaws": [
+                {
+                    "demonstration": flaw.demonstration, "time": flaw.time, "what": flaw.what,
+                    "action": f"{flaw.action.value}: {flaw.how}" if flaw.how else flaw.action.value,
+                }
+                for flaw in self.flaws
+            ],
+        }  # fmt: skip
 
     @property
     def _names(self) -> set[str]:

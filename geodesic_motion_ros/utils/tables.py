@@ -17,7 +17,7 @@ def text_table(
     head: Sequence[str], rows: Sequence[Sequence[Cell]], digits: int = 2, left: Sequence[int] = (0,)
 ) -> str:
     """Columns under their names, those numbered in `left` to the left; a dash where there is no value."""
-    lines = [list(head), *([_cell(cell, digits) for cell in row] for row in rows)]
+    lines = [list(head), *([shown_cell(cell, digits) for cell in row] for row in rows)]
     widths = [max(len(line[i]) for line in lines) for i in range(len(head))]
     sides = [str.ljust if i in left else str.rjust for i in range(len(head))]
     texts = ["  ".join(side(*cell) for side, *cell in zip(sides, line, widths, strict=True)).rstrip() for line in lines]
@@ -36,7 +36,8 @@ def write_json(path: str | Path, content: Any) -> Path:
     return target
 
 
-def _cell(cell: Cell, digits: int) -> str:
+def shown_cell(cell: Cell, digits: int) -> str:
+    """A cell as text, a dash where there is no value."""
     if cell is None or (isinstance(cell, float) and math.isnan(cell)):
         return "-"
     if isinstance(cell, float):

@@ -12,6 +12,7 @@ import pytest
 from geodesic_motion_ros.learning import training
 from geodesic_motion_ros.skill.skill import Skill
 from geodesic_motion_ros.studies.cli import main
+from geodesic_motion_ros.visualization import skill_report
 
 DOWN = (0.0, 1.0, 0.0, 0.0)
 
@@ -59,12 +60,14 @@ def test_a_bag_becomes_a_skill(good, tmp_path, monkeypatch, capsys) -> None:
         return thoroughly(shown, replace(settings, **small), *more)
 
     monkeypatch.setattr(training, "train_task_space_skill", briefly)
+    monkeypatch.setattr(skill_report, "PLACES", 1)
     arguments = ["train", "--bag", str(good), "--out", str(tmp_path / "skill"), "--steps", "30", "--kernels", "20"]
     assert main([*arguments, "--strict"]) == 0
     provenance = Skill.load(tmp_path / "skill").provenance
     assert provenance["data"] == "reach.mcap"
     assert provenance["demonstrations"] == ["reach_0", "reach_1", "reach_2", "reach_3"]
     assert "3 motions lead back to the start and are passed over" in capsys.readouterr().out
+    assert "passed over" in (tmp_path / "skill" / "report.html").read_text()
 
 
 def test_inspect_shows_demonstrations_and_flaws_and_draws_them(spoiled, tmp_path, capsys) -> None:

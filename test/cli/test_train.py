@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import base64
 import json
 import re
 from collections.abc import Iterator
@@ -13,6 +14,7 @@ from geodesic_motion_ros.learning import training
 from geodesic_motion_ros.planning.declared_scene import DeclaredScene
 from geodesic_motion_ros.skill.skill import Skill
 from geodesic_motion_ros.studies.cli import main
+from geodesic_motion_ros.visualization import skill_report
 
 BRIEFLY = ["--steps", "400", "--kernels", "80"]
 
@@ -28,6 +30,7 @@ def _small_networks() -> Iterator[None]:
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(training, "train_task_space_skill", briefly)
+        patch.setattr(skill_report, "PLACES", 1)
         yield
 
 
@@ -53,6 +56,27 @@ def test_a_skill_folder_comes_out_with_its_figures_and_its_picture(trained) -> N
     assert skill.quality["held_out_endpoint_after_mm"] < 1e-6
     assert json.loads(figures.read_text())["quality"] == skill.quality
     assert (folder / "report.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_a_report_stands_beside_the_skill_with_its_recording_and_its_held_out_figures(trained, capsys) -> None:
+    page = (trained[0] / "report.html").read_text()
+    quality = Skill.load(trained[0]).quality
+    for words in ("Nothing was found in them.", "held out", "mean demonstration", f"{quality['promp_dtw_mm']:.2f}"):
+        assert words in page
+    picture = base64.b64encode((trained[0] / "report.png").read_bytes()).decode()
+    assert picture in page
+
+
+def test_inspect_writes_the_report_of_a_skill_and_refuses_that_of_a_recording(
+    trained, recording, tmp_path, capsys
+) -> None:
+    page, picture = tmp_path / "new" / "reach.html", tmp_path / "reach.png"
+    assert main(["inspect", str(trained[0]), "--html", str(page), "--picture", str(picture)]) == 0
+    assert f"wrote its report to {page}" in capsys.readouterr().out
+    assert "The recording is not beside the skill" in page.read_text()
+    assert main(["inspect", str(recording), "--units", "cm", "--html", str(tmp_path / "no.html")]) == 2
+    assert "--html is of skills" in capsys.readouterr().err
+    assert not (tmp_path / "no.html").exists()
 
 
 def test_the_scene_of_the_recording_is_kept_and_refused_where_demonstrations_enter_it(

@@ -14,6 +14,7 @@ from geodesic_motion_ros.demonstrations.writers import save_joint_demonstrations
 from geodesic_motion_ros.learning import joint_training
 from geodesic_motion_ros.skill.skill import Skill
 from geodesic_motion_ros.studies.cli import main
+from geodesic_motion_ros.visualization import skill_report
 
 
 @pytest.fixture(scope="module")
@@ -39,6 +40,7 @@ def trained(joint_recording, tmp_path_factory) -> tuple[Path, Path]:
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(joint_training, "train_joint_space_skill", briefly)
+        patch.setattr(skill_report, "PLACES", 1)
         assert main(arguments) == 0
     return folder / "reach", folder / "reach.json"
 
@@ -54,7 +56,9 @@ def test_a_recording_of_joints_becomes_a_joint_space_skill_without_an_option(tra
     assert 0.0 < quality["held_out_dtw_mm"] < 100.0
     assert quality["held_out_joint_dtw_rad"] < 0.5
     assert quality["reconstruction_pointwise_mm"] > 0.0
+    assert quality["joint_line_joint_dtw_rad"] > quality["held_out_joint_dtw_rad"]
     assert (folder / "report.png").read_bytes().startswith(b"\x89PNG")
+    assert "straight line in joint space" in (folder / "report.html").read_text()
 
 
 def test_inspect_shows_families_and_graph(trained, tmp_path, capsys) -> None:

@@ -1,9 +1,7 @@
 """The largest sphere that is passed: on the path of the tool, place by place, and by how far a detour may lead.
 
-The motion is the planner's from the start to the goal of a skill without obstacles. At evenly spaced places
-of the tool's path one sphere stands with its centre on it. It grows until there is no certified motion from start to
-goal any more; the last one is the largest that is passed. Near its ends the arm itself has no room: a sphere that
-touches the arm at start or goal stops any planner, and how large that is stands beside it.
+The motion is the planner's from the start to the goal of a skill without obstacles; how spheres are placed and the
+largest is found is for `planning.largest_sphere`.
 """
 
 from __future__ import annotations
@@ -13,31 +11,20 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from matplotlib.figure import Figure
 from tqdm import tqdm
 
 from geodesic_motion_ros.cli.arguments import metres
-from geodesic_motion_ros.geometry.curves import arc_length_fractions
-from geodesic_motion_ros.obstacles.obstacles import Obstacles
-from geodesic_motion_ros.planning.arm_clearance import obstacle_clearance
 from geodesic_motion_ros.planning.declared_scene import DeclaredScene
+from geodesic_motion_ros.planning.largest_sphere import STEP, SpherePlaces, largest_passed
 from geodesic_motion_ros.planning.planner import ReactivePlanner
 from geodesic_motion_ros.skill.skill import Skill
 from geodesic_motion_ros.studies.experiments.detours import check_detours, free_motion
 from geodesic_motion_ros.studies.experiments.study import OfSkill, Report, option
-from geodesic_motion_ros.trajectory.trajectory import interpolated
 from geodesic_motion_ros.utils.tables import Cell, text_table
-from geodesic_motion_ros.visualization.plots import BLUE, GREEN, GREY, ORANGE, VERMILION, write_figure
+from geodesic_motion_ros.visualization.passed_spheres import draw_passed_spheres
 
-#: Radii are multiples of the first [m]; none is larger than the other.
-STEP, LARGEST = 0.005, 0.12
-#: Places of the tool's path are between these shares of its length.
-INTERIOR = (0.05, 0.95)
 #: A sphere of which it is counted at how many places it is passed [m].
 COUNTED = 0.06
-#: Samples of the path that places are taken from.
-_SAMPLES = 400
-_COLOURS = (GREY, BLUE, VERMILION, GREEN, ORANGE)
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,24 +80,9 @@ class LargestSpheres(Report):
 
     def draw(self, path: Path) -> None:
         """Radii along the motion, a line for each detour; grey is what touches the arm at start or goal."""
-        figure = Figure(figsize=(6.4, 3.4), layout="constrained")
-        axes = figure.subplots()
-        places, top = 100.0 * self.shares, 100.0 * LARGEST
-        axes.fill_between(
-            places, np.minimum(100.0 * self.free, top), top, color=GREY, alpha=0.2, linewidth=0.0,
-            label="touches start or goal",
-        )  # fmt: skip
-        for detour, radii, colour in zip(self.detours, self.radii.T, _COLOURS, strict=False):
-            label = f"detour {100.0 * detour:.0f} cm"
-            axes.plot(places, 100.0 * radii, color=colour, marker="o", markersize=3.5, linewidth=1.6, label=label)
-        axes.axhline(100.0 * COUNTED, color="black", linewidth=0.8, linestyle=":")
-        axes.set(
-            xlabel="place on the tool's path [%]", ylabel="radius passed [cm]", ylim=(-0.2, top), xlim=(0.0, 100.0),
-            title=f"{self.skill}: the largest sphere that is passed",
-        )  # fmt: skip
-        axes.grid(alpha=0.3)
-        figure.legend(loc="outside lower center", ncols=4, frameon=False, fontsize=9)
-        write_figure(figure, path)
+        named = (f"detour {100.0 * detour:.0f} cm" for detour in self.detours)
+        title = f"{self.skill}: the largest sphere that is passed"
+        draw_passed_spheres(path, title, self.shares, self.free, dict(zip(named, self.radii.T, strict=True)), COUNTED)
 
 
 @dataclass(frozen=True)
@@ -130,39 +102,15 @@ class LargestSphere(OfSkill):
         """ExperimentError: no path to the skill's goal."""
         planner = ReactivePlanner(skill, scene=DeclaredScene.empty())
         nominal = free_motion(planner)
-        ends = (skill.start_pose[:3], skill.start_pose[3:], skill.goal_pose[:3], skill.goal_pose[3:])
-        postures = nominal.samples(np.linspace(0.0, nominal.duration, _SAMPLES))[0]
-        tool = np.array([planner.robot.forward(posture)[0] for posture in postures])
-        shares, ascending = np.linspace(*INTERIOR, self.places), np.unique(self.detours)
-        centres = interpolated(shares, arc_length_fractions(tool), tool)
+        places, ascending = SpherePlaces.along(planner, nominal, self.places), np.unique(self.detours)
         radii, reasons = np.zeros((self.places, len(ascending))), []
-        for number, centre in enumerate(tqdm(centres, desc=skill.name, unit="place")):
+        for number in tqdm(range(self.places), desc=skill.name, unit="place"):
             own, radius = [], 0.0
             for column, detour in enumerate(ascending):
                 # What is passed with a shorter detour is passed with a longer one.
                 planner.set_detour(detour)
-                radius, reason = _grown(planner, ends, centre, radius)
+                radius, reason = largest_passed(planner, places.centres[number], places.free[number], radius)
                 radii[number, column] = radius
                 own.append(reason)
             reasons.append(tuple(own))
-        free = np.array([_free_ends(planner, postures[[0, -1]], centre) for centre in centres])
-        return LargestSpheres(skill.name, shares, ascending, free, radii, tuple(reasons))
-
-
-def _grown(
-    planner: ReactivePlanner, ends: tuple[np.ndarray, ...], centre: np.ndarray, passed: float
-) -> tuple[float, str]:
-    """Radius of the largest sphere that is passed, from one on that is [m], and why the next one is not."""
-    while passed < LARGEST - 0.5 * STEP:
-        planner.set_obstacles(centre[None], np.array([passed + STEP]))
-        plan = planner.plan(*ends)
-        if plan.reference is None:
-            return passed, plan.verdict.reason
-        passed += STEP
-    return passed, ""
-
-
-def _free_ends(planner: ReactivePlanner, ends: np.ndarray, centre: np.ndarray) -> float:
-    """Distance [m] of a point from the arm at both ends (2, eta), 0 inside."""
-    point = Obstacles.of_spheres(centre[None], np.zeros(1))
-    return max(0.0, min(obstacle_clearance(planner.collision, planner.robot, end, point)[0] for end in ends))
+        return LargestSpheres(skill.name, places.shares, ascending, places.free, radii, tuple(reasons))
