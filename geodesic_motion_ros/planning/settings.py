@@ -146,9 +146,14 @@ class PlannerSettings:
 
     Attributes
     ----------
-    obstacle_margin : clearance the search keeps from obstacles; the certificate asks for more than 0.
-    obstacle_position_error : how far obstacles may be from where their source says that they are: so much larger they
-        are taken to be, and by how far the arm was off its path (`planning/tracking.py`).
+    obstacle_margin : clearance [m] that the search of a path keeps from obstacles where it can. It is not guaranteed: a
+        new path is certified not to touch what stands; where an obstacle moves, to keep twice the margin, or half of
+        the clearance at its ends where that is less. A path that is followed already, and an evasion, are certified not
+        to touch. For a guaranteed distance set `obstacle_position_error`.
+    obstacle_position_error : how far obstacles may be from where their source says that they are. Every obstacle is
+        enlarged by it, and by how far the arm was off its path (`planning/tracking.py`), before anything is searched or
+        certified: a certified motion keeps this distance from every obstacle as it was received and predicted. The
+        declared scene is not enlarged.
     ambient_strength, ambient_width_ratio : zeta, and Gaussian width over (obstacle + body radius), of the soft metric.
     ambient_law : how it grows towards obstacles: gaussian, completed, or hard: not at all
     (`manifold/ambient_metric.py`).
