@@ -41,7 +41,7 @@ line on standard error says what, and what would be), 130 interrupted.
 
 
 class Command(Protocol):
-    """A module, or another object, that adds a command."""
+    """A command of `geodesic-motion`: a module, or another object, that adds itself to the parser."""
 
     def add_command(self, commands: argparse._SubParsersAction) -> None:
         """Add it to the parser; it sets `run`, a function of the parsed arguments."""

@@ -95,7 +95,9 @@ beside --paper change it again:
 
 @dataclass(frozen=True)
 class Measure:
-    """How well a skill predicts demonstrations that were held out: a study, which the command is handed.
+    """Measures how well a new skill predicts demonstrations held out of its training, for `train --held-out`.
+
+    The measure is a study, which the product does not import: the command is handed it.
 
     Attributes
     ----------

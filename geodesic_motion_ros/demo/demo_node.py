@@ -62,7 +62,7 @@ RUNS = (
 
 
 class Demo:
-    """Makes the runs of a scene."""
+    """Plays the runs of a demo with the nodes `planner` and `twin`, and measures them."""
 
     def __init__(self, skill: str, declared: str, out: Path, gui: bool, domain: int) -> None:
         """skill : a folder, or the name of a shipped skill. declared : the parameter `scene` of both nodes; empty: what

@@ -35,13 +35,13 @@ class Curve:
 
 @dataclass(frozen=True)
 class Film:
-    """How the arm is shown.
+    """Camera, curves and traced point of the pictures that show a demo's runs.
 
     Attributes
     ----------
     view : one of `camera.VIEWS`.
-    curves : drawn into every picture.
-    followed : times (n,) [s] and points (n, 3) [m] of the part of the arm that a recording is about.
+    curves : they are drawn into every picture.
+    followed : returns times (n,) [s] and points (n, 3) [m] of the part of the arm that a recording is about.
     """
 
     view: str

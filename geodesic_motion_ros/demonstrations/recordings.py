@@ -23,7 +23,7 @@ LARGEST_SHARE_LEFT_OUT = 0.5
 
 @dataclass(frozen=True, eq=False)
 class Recording:
-    """What a person recorded.
+    """One recording of a task by a person, before it becomes demonstrations.
 
     Attributes
     ----------

@@ -45,7 +45,10 @@ class JointEncoderNetwork(nn.Module):
 
 
 class JointDecoderNetwork(nn.Module):
-    """mu(z) = offset + scale o(z), and 1 / sigma(z), which is given later (`inverse_sigma`)."""
+    """Decodes latent points z into joint configurations: mu(z) = offset + scale o(z), with o the perceptron.
+
+    1 / sigma(z) is given later, once the means are trained (`inverse_sigma`).
+    """
 
     def __init__(self, latent_dimension: int, hidden: Sequence[int], offset: Tensor, scale: Tensor) -> None:
         super().__init__()

@@ -17,7 +17,7 @@ PRIOR_REACH = 3.0
 
 
 class PriorSettings(Protocol):
-    """What of a training's settings the prior depends on."""
+    """The settings of a training that determine the prior of the latent points."""
 
     sheet: Literal["canonical", "raw"]
     latent_dimension: int

@@ -29,7 +29,7 @@ _JOINT_MAY_BE_ZERO = {
 
 @dataclass(frozen=True)
 class TrainingSettings:
-    """How a task-space skill is learned.
+    """Settings of the training of a skill of tool poses.
 
     Kernels, bandwidth, weights of sigma and kappa and the two stages were chosen by measuring on real recordings of
     pouring and shelving; `rotation_length` and the two resolutions are judgement.
@@ -132,7 +132,7 @@ class TrainingSettings:
 
 @dataclass(frozen=True)
 class JointTrainingSettings:
-    """How a joint-space skill is learned.
+    """Settings of the training of a skill of configurations.
 
     Attributes
     ----------

@@ -95,7 +95,7 @@ class EncoderNetwork(nn.Module):
 
 
 class DecoderNetwork(nn.Module):
-    """mu(z), mu_q(z), 1 / sigma(z) and kappa(z).
+    """Decodes latent points z into tool poses with their uncertainties: mu(z), mu_q(z), 1 / sigma(z) and kappa(z).
 
     Parameters
     ----------

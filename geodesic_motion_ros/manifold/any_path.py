@@ -9,7 +9,7 @@ import numpy as np
 
 from geodesic_motion_ros.manifold.grid import Adjacency
 from geodesic_motion_ros.manifold.heap import TAKEN, put, take
-from geodesic_motion_ros.manifold.obstacle_weights import Reshaping, evaluate_node
+from geodesic_motion_ros.manifold.obstacle_weights import NodeEvaluation, evaluate_node
 from geodesic_motion_ros.manifold.search_buffers import SearchBuffers, begin_at_both_ends, lent_buffers, trace
 from geodesic_motion_ros.manifold.shortest_path import edge_weight
 from geodesic_motion_ros.utils.deadline import Deadline
@@ -28,7 +28,7 @@ def _go_on(
     base: np.ndarray,
     fixed: np.ndarray,
     shares: np.ndarray,
-    reshaping: Reshaping,
+    evaluation: NodeEvaluation,
     margin: float,
     to_target: np.ndarray,
     target: int,
@@ -44,7 +44,7 @@ def _go_on(
         (points, point_radii, spheres, sphere_radii, links, link_radii, first, lower, _),
         centres, radii, solids, squares, placing, strength, width_ratio, completed, excess, within, gaps, scale, heads,
         listed, following, evaluated, factors, affected, clearance,
-    ) = reshaping  # fmt: skip
+    ) = evaluation  # fmt: skip
     costs, predecessor, arrival, all_keys, all_items, places, size, _, _, written, count, _, _ = buffers
     cost, keys, items, place = costs[0], all_keys[0], all_items[0], places[0]
     for _ in range(most):
@@ -93,7 +93,7 @@ def any_path(
     """The cost of some path, its number of edges, and what every path costs at least: inf where it is proved that there
     is none, else 0. The path is written to nodes (n,) and edges (n,).
 
-    graph : first slots, nodes and edges of the adjacency, base, fixed, shares, reshaping and margin: all that kernels
+    graph : first slots, nodes and edges of the adjacency, base, fixed, shares, evaluation and margin: all that kernels
         want first. The source has been evaluated. The rest as of `shortest_path_from_both_ends`.
     """
     with lent_buffers(adjacency) as buffers:

@@ -14,7 +14,7 @@ import numpy as np
 from geodesic_motion_ros.manifold.any_path import any_path, load_any_path
 from geodesic_motion_ros.manifold.grid import Adjacency
 from geodesic_motion_ros.manifold.heap import put, take
-from geodesic_motion_ros.manifold.obstacle_weights import Reshaping, evaluate_node, evaluate_nodes
+from geodesic_motion_ros.manifold.obstacle_weights import NodeEvaluation, evaluate_node, evaluate_nodes
 from geodesic_motion_ros.manifold.search_buffers import SearchBuffers, begin_at_both_ends, lent_buffers, trace
 from geodesic_motion_ros.manifold.shortest_path import edge_weight
 from geodesic_motion_ros.utils.deadline import NEVER, Deadline
@@ -37,7 +37,7 @@ def _field_path(
     base: np.ndarray,
     fixed: np.ndarray,
     shares: np.ndarray,
-    reshaping: Reshaping,
+    evaluation: NodeEvaluation,
     margin: float,
     to_target: np.ndarray,
     source: int,
@@ -49,7 +49,7 @@ def _field_path(
 
     The path is written to nodes (n,) and edges (n,). Its cost is summed as the field was: from the target on.
     """
-    evaluate_nodes(np.array([source, target]), reshaping)
+    evaluate_nodes(np.array([source, target]), evaluation)
     nodes[0], count = source, 0
     while nodes[count] != target:
         u, least, best = nodes[count], math.inf, -1
@@ -62,8 +62,8 @@ def _field_path(
             return math.inf, 0
         nodes[count + 1], edges[count] = neighbour[best], edge_of[best]
         count += 1
-    evaluate_nodes(nodes[: count + 1], reshaping)
-    factors, affected, clearance = reshaping.factors, reshaping.affected, reshaping.clearance
+    evaluate_nodes(nodes[: count + 1], evaluation)
+    factors, affected, clearance = evaluation.factors, evaluation.affected, evaluation.clearance
     cost = 0.0
     for i in range(count - 1, -1, -1):
         u, v, edge = nodes[i], nodes[i + 1], edges[i]
@@ -81,7 +81,7 @@ def _go_on(
     base: np.ndarray,
     fixed: np.ndarray,
     shares: np.ndarray,
-    reshaping: Reshaping,
+    evaluation: NodeEvaluation,
     margin: float,
     to_target: np.ndarray,
     from_landmark: np.ndarray,
@@ -108,7 +108,7 @@ def _go_on(
         (points, point_radii, spheres, sphere_radii, links, link_radii, first, lower, _),
         centres, radii, solids, squares, placing, strength, width_ratio, completed, excess, within, gaps, scale, heads,
         listed, following, evaluated, factors, affected, clearance,
-    ) = reshaping  # fmt: skip
+    ) = evaluation  # fmt: skip
     cost, predecessor, arrival, all_keys, all_items, places, size, begun, spent, written, count, _, _ = buffers
     at_source = from_landmark[source]
     while _lower_bound(all_keys, size) < best and batches > 0:
@@ -201,7 +201,7 @@ def shortest_path_from_both_ends(
     base: np.ndarray,
     fixed: np.ndarray,
     shares: np.ndarray,
-    reshaping: Reshaping,
+    evaluation: NodeEvaluation,
     margin: float,
     to_target: np.ndarray,
     from_landmark: np.ndarray,
@@ -225,7 +225,7 @@ def shortest_path_from_both_ends(
     """
     if not math.isfinite(to_target[source]):
         return ShortestPath(_NOTHING, _NOTHING, math.inf, math.inf)
-    graph = adjacency.first, adjacency.node, adjacency.edge, base, fixed, shares, reshaping, margin
+    graph = adjacency.first, adjacency.node, adjacency.edge, base, fixed, shares, evaluation, margin
     with lent_buffers(adjacency) as buffers:
         best, count = _field_path(*graph, to_target, source, target, buffers.nodes, buffers.edges)
         found = best < cap
@@ -256,7 +256,7 @@ def load_search_from_both_ends(
     base: np.ndarray,
     fixed: np.ndarray,
     shares: np.ndarray,
-    reshaping: Reshaping,
+    evaluation: NodeEvaluation,
     to_target: np.ndarray,
     from_landmark: np.ndarray,
     node: int,
@@ -265,8 +265,8 @@ def load_search_from_both_ends(
 
     A real search needs most of them only where obstacles make the free path dearer.
     """
-    graph = adjacency.first, adjacency.node, adjacency.edge, base, fixed, shares, reshaping, -math.inf
-    evaluate_nodes(np.array([node]), reshaping)
+    graph = adjacency.first, adjacency.node, adjacency.edge, base, fixed, shares, evaluation, -math.inf
+    evaluate_nodes(np.array([node]), evaluation)
     with lent_buffers(adjacency) as buffers:
         best, _ = _field_path(*graph, to_target, node, node, buffers.nodes, buffers.edges)
         begin_at_both_ends(to_target, from_landmark, node, node, buffers)

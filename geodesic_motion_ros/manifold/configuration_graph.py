@@ -44,7 +44,7 @@ from geodesic_motion_ros.robot.kinematics import Robot
 
 @dataclass(frozen=True)
 class JointMetricSettings:
-    """What the metric of a joint-space skill sums.
+    """Weights of the terms of the pull-back metric of a skill of configurations, and its body points.
 
     Attributes
     ----------
@@ -150,7 +150,7 @@ class ConfigurationGraph(LatentGraph):
 
 @dataclass(frozen=True)
 class CarriedConfigurations(WeightedGraph):
-    """Configurations carried to a query.
+    """The configurations of a latent graph transported to a query.
 
     Attributes
     ----------

@@ -27,7 +27,7 @@ from geodesic_motion_ros.manifold.metric_field import (
     piecewise,
     tensor_at,
 )
-from geodesic_motion_ros.manifold.obstacle_weights import Reshaping
+from geodesic_motion_ros.manifold.obstacle_weights import NodeEvaluation
 
 #: Pieces of the refined curve, at most and at least: one for every step of the grid.
 _MOST_PIECES, _LEAST_PIECES = 160, 8
@@ -44,20 +44,20 @@ _SMOOTHINGS = 8
 _JUDGED = 1
 
 
-def refined(field: MetricField, reshaping: Reshaping, margin: float, path: np.ndarray) -> np.ndarray:
+def refined(field: MetricField, evaluation: NodeEvaluation, margin: float, path: np.ndarray) -> np.ndarray:
     """A shorter curve (m, d) in the latent space from the first to the last point of a polyline (p, d) near it.
 
     It stays where nodes are and, as far as the polyline does, where they have a clearance of at least a margin [m]. It
     is never longer; where it would be it is the polyline.
     """
     best = field.coordinates(path)
-    begun, moved, cells = _refined(field, reshaping, margin, best)
+    begun, moved, cells = _refined(field, evaluation, margin, best)
     if not cells > 0.0:
         return path
     # Where the metric changes within a piece its middle may tell too little of it: then what was begun from is better.
-    (faults, length), shorter = _judged(field, reshaping, margin, best, cells), False
+    (faults, length), shorter = _judged(field, evaluation, margin, best, cells), False
     for curve in (begun, moved):
-        new_faults, new_length = _judged(field, reshaping, margin, curve, cells)
+        new_faults, new_length = _judged(field, evaluation, margin, curve, cells)
         if new_faults <= faults and new_length < length:
             best, shorter, faults, length = curve, True, new_faults, new_length
     return field.latent(best) if shorter else path
@@ -65,7 +65,7 @@ def refined(field: MetricField, reshaping: Reshaping, margin: float, path: np.nd
 
 @numba.njit(cache=True, nogil=True)
 def _refined(
-    field: MetricField, reshaping: Reshaping, margin: float, path: np.ndarray
+    field: MetricField, evaluation: NodeEvaluation, margin: float, path: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, float]:
     """The curve (N + 1, d) to begin from, which is a path (p, d), smoothed where that makes it shorter; that curve
     after a few of Newton's steps; and how many cells the path is long, 0 where it has no length.
@@ -83,11 +83,11 @@ def _refined(
     new_gradient, new_diagonal, new_beside = gradient.copy(), diagonal.copy(), beside.copy()
     fixed = np.empty(count + 1, dtype=np.bool_)
     _nearest_to_pieces(curve, field.centres, field.precisions, nearest)
-    _assemble(field, reshaping, curve, weights, nearest, energies, support, clearance, gradient, diagonal, beside)
+    _assemble(field, evaluation, curve, weights, nearest, energies, support, clearance, gradient, diagonal, beside)
     length = _length(energies)
     _smooth(curve, trial)
     _assemble(
-        field, reshaping, trial, weights, nearest, new_energies, new_support, new_clearance, gradient, diagonal, beside
+        field, evaluation, trial, weights, nearest, new_energies, new_support, new_clearance, gradient, diagonal, beside
     )
     new_length = _length(new_energies)
     if new_length < length and not _worse(support, clearance, new_support, new_clearance, margin, fixed):
@@ -98,7 +98,7 @@ def _refined(
     for i in range(count):
         weights[i] = length / max(math.sqrt(energies[i]), _SHORTEST * length / count)
     before = _assemble(
-        field, reshaping, curve, weights, nearest, energies, support, clearance, gradient, diagonal, beside
+        field, evaluation, curve, weights, nearest, energies, support, clearance, gradient, diagonal, beside
     )
     begun = curve.copy()
     for _ in range(_SWEEPS):
@@ -109,7 +109,7 @@ def _refined(
             step = _newton_step(gradient, diagonal, beside, fixed)
             _move(curve, step, share, field.shape, trial)
             after = _assemble(
-                field, reshaping, trial, weights, nearest, energies, new_support, new_clearance, new_gradient,
+                field, evaluation, trial, weights, nearest, energies, new_support, new_clearance, new_gradient,
                 new_diagonal, new_beside,
             )  # fmt: skip
             worse = _worse(support, clearance, new_support, new_clearance, margin, fixed)
@@ -207,10 +207,10 @@ def _worse(
 
 @numba.njit(cache=True, nogil=True)
 def _judged(
-    field: MetricField, reshaping: Reshaping, margin: float, curve: np.ndarray, cells: float
+    field: MetricField, evaluation: NodeEvaluation, margin: float, curve: np.ndarray, cells: float
 ) -> tuple[int, float]:
     """How many of the pieces of a curve, one a step of the grid, are not as they should be, and its length."""
-    energies, support, clearance = piecewise(field, reshaping, evenly(curve, math.ceil(_JUDGED * cells)))
+    energies, support, clearance = piecewise(field, evaluation, evenly(curve, math.ceil(_JUDGED * cells)))
     faults = 0
     for i in range(len(energies)):
         faults += support[i] < _SUPPORT or clearance[i] < margin
@@ -220,7 +220,7 @@ def _judged(
 @numba.njit(cache=True, nogil=True)
 def _assemble(
     field: MetricField,
-    reshaping: Reshaping,
+    evaluation: NodeEvaluation,
     curve: np.ndarray,
     weights: np.ndarray,
     nearest: np.ndarray,
@@ -239,14 +239,14 @@ def _assemble(
         dD M dD + (q dD) (g dm) + e / 4 (g dm)^2 + e / 2 dm C dm,      C the curvature of the mean paths' exponent.
     """
     _, _, shape, strides, number, rows, columns, tensors, centres, precisions, penalties, strength, cap = field
-    factors, affected, room, within = reshaping.factors, reshaping.affected, reshaping.clearance, reshaping.within
+    factors, affected, room, within = evaluation.factors, evaluation.affected, evaluation.clearance, evaluation.within
     d = len(shape)
     packed = d * (d + 1) // 2
     tensor, slopes, share, lean = np.empty(packed), np.empty((d, packed)), np.empty(d), np.empty((3, d))
     middle, along, pulled, slope = np.empty(d), np.empty(d), np.empty(d), np.empty(d)
     curvature = np.empty((d, d))
     gradient[:], diagonal[:], beside[:] = 0.0, 0.0, 0.0
-    evaluate_around(field, reshaping, curve)
+    evaluate_around(field, evaluation, curve)
     energy = 0.0
     for i in range(len(weights)):
         for a in range(d):

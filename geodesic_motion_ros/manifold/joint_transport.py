@@ -25,7 +25,7 @@ from geodesic_motion_ros.robot.kinematics import Robot, jacobian
 
 @dataclass(frozen=True)
 class JointOffsets:
-    """What carries configurations to a query.
+    """The displacements that move decoded configurations so that they begin and end at a query's start and goal.
 
     Attributes
     ----------

@@ -20,7 +20,7 @@ import numpy as np
 
 from geodesic_motion_ros.manifold.grid import LatentGrid
 from geodesic_motion_ros.manifold.mean_path import LARGEST_EXPONENT, MeanPaths
-from geodesic_motion_ros.manifold.obstacle_weights import Reshaping, evaluate_nodes
+from geodesic_motion_ros.manifold.obstacle_weights import NodeEvaluation, evaluate_nodes
 
 #: The nearest of a mean path's samples is looked for from the best of every so many.
 _STRIDE = 5
@@ -105,12 +105,12 @@ def packed_tensors(shares: np.ndarray, rest: np.ndarray) -> np.ndarray:
     return np.ascontiguousarray(both[..., rows, columns])
 
 
-def curve_length(field: MetricField, reshaping: Reshaping, curve: np.ndarray, samples: int = 1000) -> float:
+def curve_length(field: MetricField, evaluation: NodeEvaluation, curve: np.ndarray, samples: int = 1000) -> float:
     """Riemannian length of a polyline (m, d) in the latent space among obstacles, by so many pieces of it.
 
     inf where a piece is outside the grid, or in a cell without a node.
     """
-    energies, support, _ = piecewise(field, reshaping, evenly(field.coordinates(curve), samples))
+    energies, support, _ = piecewise(field, evaluation, evenly(field.coordinates(curve), samples))
     return float(np.sum(np.sqrt(energies))) if np.all(support > 0.0) else math.inf
 
 
@@ -138,20 +138,20 @@ def evenly(points: np.ndarray, pieces: int) -> np.ndarray:
 
 @numba.njit(cache=True, nogil=True)
 def piecewise(
-    field: MetricField, reshaping: Reshaping, points: np.ndarray
+    field: MetricField, evaluation: NodeEvaluation, points: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Of the pieces of a polyline (m + 1, d), in units of the spacing, by the metric in their middle, (m,) each:
     squared length, share of the middle's cell that nodes hold, and clearance there [m].
     """
     _, _, shape, strides, number, rows, columns, tensors, centres, precisions, penalties, strength, cap = field
-    factors, affected, room, within = reshaping.factors, reshaping.affected, reshaping.clearance, reshaping.within
+    factors, affected, room, within = evaluation.factors, evaluation.affected, evaluation.clearance, evaluation.within
     count, d = len(points) - 1, len(shape)
     energies, support, clearance = np.empty(count), np.empty(count), np.empty(count)
     tensor, slopes, share, lean = np.empty(len(rows)), np.empty((d, len(rows))), np.empty(d), np.empty((3, d))
     middle, gradient, curvature = np.empty(d), np.empty(d), np.empty((d, d))
     nearest = np.empty(len(centres), dtype=np.int64)
     nearest_samples(points[0], centres, precisions, nearest)
-    evaluate_around(field, reshaping, points)
+    evaluate_around(field, evaluation, points)
     for i in range(count):
         for a in range(d):
             middle[a] = 0.5 * (points[i, a] + points[i + 1, a])
@@ -171,9 +171,9 @@ def piecewise(
 
 
 @numba.njit(cache=True, nogil=True)
-def evaluate_around(field: MetricField, reshaping: Reshaping, points: np.ndarray) -> None:
+def evaluate_around(field: MetricField, evaluation: NodeEvaluation, points: np.ndarray) -> None:
     """Work out what obstacles do to the nodes that `tensor_at` reads in the middles of a polyline's pieces."""
-    shape, strides, number, evaluated = field.shape, field.strides, field.number, reshaping.evaluated
+    shape, strides, number, evaluated = field.shape, field.strides, field.number, evaluation.evaluated
     d, count = len(shape), 0
     unknown = np.empty((len(points) - 1) << d, dtype=np.int64)
     for i in range(len(points) - 1):
@@ -189,7 +189,7 @@ def evaluate_around(field: MetricField, reshaping: Reshaping, points: np.ndarray
                 unknown[count] = number[at]
                 count += 1
     if count > 0:
-        evaluate_nodes(unknown[:count], reshaping)
+        evaluate_nodes(unknown[:count], evaluation)
 
 
 @numba.njit(cache=True, nogil=True, inline="always")
@@ -211,7 +211,7 @@ def tensor_at(
 ) -> tuple[float, float]:
     """Fill the tensor (T,) at a point (d,), without the conformal factor; where `derived` its slopes (d, T).
 
-    factors to within : of a reshaping that has evaluated the cell's nodes; share (d,), lean (3, d) : for the kernel's
+    factors to within : of an evaluation that has evaluated the cell's nodes; share (d,), lean (3, d) : for the kernel's
     own use. Returns the share of the cell that nodes hold, weighted, and 0 outside the grid; and the clearance [m]
     there, at most `within`, -inf without any node. For use within compiled loops; one by one as in
     `obstacle_weights.evaluate_node`.

@@ -44,12 +44,12 @@ class LinkBounds:
 
 
 class NodeBody(NamedTuple):
-    """The body in the poses or configurations of n nodes; compiled kernels read it.
+    """Where the arm, or the tool, is at each of n nodes: the spheres that kernels check against obstacles there.
 
     Attributes
     ----------
-    points, point_radii : (n, K, 3), (K,) [m] body points, which feel the ambient metric.
-    spheres, sphere_radii : (n, S, 3), (S,) [m] what must stay clear of obstacles.
+    points, point_radii : (n, K, 3), (K,) [m] body points, at which the ambient metric is evaluated.
+    spheres, sphere_radii : (n, S, 3), (S,) [m] collision spheres, which must stay clear of obstacles.
     links, link_radii : (n, G, 3), (G,) [m] spheres around the spheres first[g] to first[g + 1], first (G + 1,).
     lower, upper : (3,) [m] corners of a box that holds all of it.
     """

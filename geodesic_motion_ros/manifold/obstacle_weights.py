@@ -26,24 +26,28 @@ _CELL, _MOST_CELLS = 0.06, 64
 _LARGEST = 1e12
 
 
-class Reshaping(NamedTuple):
-    """A body at n nodes among obstacles; compiled kernels read and fill it.
+class NodeEvaluation(NamedTuple):
+    """Lazy cache of the effects of obstacles on the n nodes of a graph: metric factors and clearance of each node.
+
+    A search fills it where it comes to a node first (`evaluate_node`); compiled kernels read it. An edge becomes longer
+    by the factors of both its nodes (`shortest_path.edge_weight`), and a node with less clearance than the margin of a
+    search is removed.
 
     Attributes
     ----------
-    centres, radii : (o, 3), (o,) [m] the spheres that any node can feel; solids : (b, 16) the solids
-    (`geometry/shapes.py`);
-        squares, placing : of the cloud's `DistanceField`.
-    strength, width_ratio, completed : of the ambient metric, see `ambient_metric.ambient_factor`; without one strength
-    is 0.
-    excess : no body point feels an obstacle whose surface is farther than this [m].
+    body : the arm, or the tool, at every node.
+    centres, radii : (o, 3), (o,) [m] the spheres that can affect any node. solids : (b, 16) the solids that can
+        (`geometry/shapes.py`). squares, placing : of the cloud's `DistanceField`.
+    strength, width_ratio, completed : of the ambient metric, see `ambient_metric.ambient_factor`; strength is 0 without
+        one.
+    excess : an obstacle whose surface is farther from a body point than this does not affect it [m].
     within : clearances from here on are not distinguished [m].
     gaps : distance [m] of the cells (x, y, z) of a grid over the body's box from obstacles, at least; scale : cells per
         metre.
     heads, listed, following : a cell linked list: the spheres near a cell (x, y, z) are listed[e] for
         e = heads[x, y, z], then for following[e], and so on until e is -1.
-    evaluated : (n,) nodes for which the following is known already.
-    factors : (n, K) ambient factors of the body points; affected : (n,) whether any of them exceeds 1.
+    evaluated : (n,) whether the next three are known for a node already.
+    factors : (n, K) ambient factors of the body points. affected : (n,) whether any of them exceeds 1.
     clearance : (n,) [m] of the body, negative inside an obstacle, inf from `within` on.
     """
 
@@ -77,8 +81,8 @@ class Reshaping(NamedTuple):
         width_ratio: float,
         within: float,
         law: AmbientLaw = "gaussian",
-    ) -> Reshaping:
-        """A body among obstacles, which stand where they are."""
+    ) -> NodeEvaluation:
+        """Nothing evaluated yet, for a body among obstacles, which stand where they are."""
         nodes, points = body.points.shape[:2]
         thickest = float(np.max(body.point_radii, initial=0.0))
         sizes = np.concatenate([obstacles.radii, bounding_radii(obstacles.solids)])
@@ -112,9 +116,13 @@ class Reshaping(NamedTuple):
         )  # fmt: skip
 
     def is_felt(self, margin: float) -> bool:
-        """Whether obstacles do anything to a node that was evaluated, or leave it less clearance than a margin [m]."""
+        """Whether obstacles affect a node that was evaluated, or leave it less clearance than a margin [m]."""
         nodes = np.flatnonzero(self.evaluated)
         return bool(np.any(self.affected[nodes]) or np.any(self.clearance[nodes] < margin))
+
+
+#: Its name in the version before: compiled kernels that are cached look it up before they are found outdated.
+Reshaping = NodeEvaluation
 
 
 @numba.njit(cache=True, nogil=True)
@@ -130,8 +138,8 @@ def _gaps(
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """Lower bounds of the distance [m] of cells from obstacles; `reach` where none is nearer.
 
-    Also heads, listed and following of a `Reshaping`, with the spheres that are nearer than `reach`. sizes : (b,) radii
-    of spheres around the solids [m].
+    Also heads, listed and following of a `NodeEvaluation`, with the spheres that are nearer than `reach`. sizes : (b,)
+    radii of spheres around the solids [m].
     """
     result = np.full((shape[0], shape[1], shape[2]), reach)
     heads, most, count = np.full((shape[0], shape[1], shape[2]), -1, dtype=np.int32), 0, 0
@@ -227,8 +235,8 @@ def evaluate_node(
 ) -> None:
     """Work out what obstacles do to a node, where that has not been done yet. For use within compiled loops.
 
-    The parameters are the entries of `Reshaping` and of its body. They come one by one because compiled code counts
-    references to all arrays of a tuple each time it reads one: that costs five times as much as what is done here.
+    The parameters are the entries of `NodeEvaluation` and of its body. They come one by one because compiled code
+    counts references to all arrays of a tuple each time it reads one: that costs five times as much as the work here.
     """
     if not evaluated[node]:
         evaluated[node] = True
@@ -301,13 +309,13 @@ def evaluate_node(
 
 
 @numba.njit(cache=True, nogil=True)
-def evaluate_nodes(nodes: np.ndarray, reshaping: Reshaping) -> None:
+def evaluate_nodes(nodes: np.ndarray, evaluation: NodeEvaluation) -> None:
     """Work out what obstacles do to some nodes (k,)."""
     (
         (points, point_radii, spheres, sphere_radii, links, link_radii, first, lower, _),
         centres, radii, solids, squares, placing, strength, width_ratio, completed, excess, within, gaps, scale, heads,
         listed, following, evaluated, factors, affected, clearance,
-    ) = reshaping  # fmt: skip
+    ) = evaluation  # fmt: skip
     for node in nodes:
         # As the searches number nodes: one kernel for all.
         evaluate_node(
@@ -318,13 +326,13 @@ def evaluate_nodes(nodes: np.ndarray, reshaping: Reshaping) -> None:
 
 
 @numba.njit(cache=True, nogil=True)
-def first_clear(nodes: np.ndarray, goal: int, reshaping: Reshaping, margin: float) -> int:
+def first_clear(nodes: np.ndarray, goal: int, evaluation: NodeEvaluation, margin: float) -> int:
     """The first of some nodes (k,) with a clearance of a margin [m] at least, or the goal's; -1 where there is none.
 
     What obstacles do to the nodes after it is not worked out.
     """
     for i in range(len(nodes)):
-        evaluate_nodes(nodes[i : i + 1], reshaping)
-        if nodes[i] == goal or reshaping.clearance[nodes[i]] >= margin:
+        evaluate_nodes(nodes[i : i + 1], evaluation)
+        if nodes[i] == goal or evaluation.clearance[nodes[i]] >= margin:
             return nodes[i]
     return -1

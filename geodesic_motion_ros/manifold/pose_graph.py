@@ -23,7 +23,7 @@ from geodesic_motion_ros.manifold.transported_graph import TransportedGraph, cho
 
 @dataclass(frozen=True)
 class MetricSettings:
-    """What the pull-back metric sums besides the means.
+    """Weights of the terms of the pull-back metric M of a skill of tool poses.
 
     M = J_x^T A J_x + sigma_weight^2 J_sigma^T A J_sigma + J_q^T J_q + J_k^T J_k
 

@@ -19,7 +19,9 @@ from geodesic_motion_ros.manifold.heap import WAITING, put
 
 
 class SearchBuffers(NamedTuple):
-    """Of one search on n nodes; side 0 comes from the source, side 1 from the target.
+    """Working memory of one shortest-path search on n nodes, used again by the next: costs, predecessors, heaps.
+
+    Side 0 of each array is of the search from the source, side 1 of the search from the target.
 
     Attributes
     ----------

@@ -18,7 +18,7 @@ import numpy as np
 
 from geodesic_motion_ros.manifold.grid import Adjacency
 from geodesic_motion_ros.manifold.heap import TAKEN, WAITING, put, take
-from geodesic_motion_ros.manifold.obstacle_weights import Reshaping, evaluate_node, evaluate_nodes
+from geodesic_motion_ros.manifold.obstacle_weights import NodeEvaluation, evaluate_node, evaluate_nodes
 
 _NOTHING = np.empty(0, dtype=np.int32)
 
@@ -40,7 +40,7 @@ def _search(
     base: np.ndarray,
     fixed: np.ndarray,
     shares: np.ndarray,
-    reshaping: Reshaping | None,
+    evaluation: NodeEvaluation | None,
     margin: float,
     heuristic: np.ndarray,
     source: int,
@@ -57,12 +57,12 @@ def _search(
     cost = np.full(count, np.inf)
     predecessor, arrival = np.full(count, -1, dtype=np.int32), np.full(count, -1, dtype=np.int32)
     keys, items, place = np.empty(count), np.empty(count, dtype=np.int32), np.full(count, WAITING, dtype=np.int32)
-    if reshaping is not None:
+    if evaluation is not None:
         (
             (points, point_radii, spheres, sphere_radii, links, link_radii, first, lower, _),
             centres, radii, solids, squares, placing, strength, width_ratio, completed, excess, within, gaps, scale,
             heads, listed, following, evaluated, factors, affected, clearance,
-        ) = reshaping  # fmt: skip
+        ) = evaluation  # fmt: skip
     cost[source] = 0.0
     size = put(keys, items, place, 0, source, heuristic[source])
     while size > 0:
@@ -78,7 +78,7 @@ def _search(
             through = cost[u] + base[edge]
             if through >= cost[v]:
                 continue
-            if reshaping is not None:
+            if evaluation is not None:
                 evaluate_node(
                     v, points, point_radii, spheres, sphere_radii, links, link_radii, first, lower, centres, radii,
                     solids, squares, placing, strength, width_ratio, completed, excess, within, gaps, scale, heads,
@@ -120,7 +120,7 @@ def shortest_path(
     base: np.ndarray,
     fixed: np.ndarray,
     shares: np.ndarray,
-    reshaping: Reshaping | None,
+    evaluation: NodeEvaluation | None,
     margin: float,
     heuristic: np.ndarray,
     source: int,
@@ -134,16 +134,16 @@ def shortest_path(
     ----------
     base : (m,) obstacle-free lengths.
     fixed, shares : (m,) and (m, K) squared lengths b_e and a_ek; a_ek is read at edges that obstacles touch only.
-    reshaping : the obstacles; None without any.
+    evaluation : the obstacles; None without any.
     margin : nodes with less clearance [m] are not entered, but for source and target.
     heuristic : (n,) obstacle-free cost to the target; zeros make the search plain Dijkstra.
     """
     if not math.isfinite(heuristic[source]):
         return _NOTHING, _NOTHING, math.inf
-    if reshaping is not None:
-        evaluate_nodes(np.array([source]), reshaping)
+    if evaluation is not None:
+        evaluate_nodes(np.array([source]), evaluation)
     cost, predecessor, arrival = _search(
-        adjacency.first, adjacency.node, adjacency.edge, base, fixed, shares, reshaping, margin, heuristic, source,
+        adjacency.first, adjacency.node, adjacency.edge, base, fixed, shares, evaluation, margin, heuristic, source,
         target,
     )  # fmt: skip
     if not math.isfinite(cost[target]):

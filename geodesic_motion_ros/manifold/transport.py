@@ -18,7 +18,7 @@ import numpy as np
 
 @dataclass(frozen=True)
 class Offsets:
-    """What carries decoded poses to a query.
+    """The displacements that move decoded tool poses so that they begin and end at a query's start and goal.
 
     Attributes
     ----------

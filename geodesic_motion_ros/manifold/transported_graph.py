@@ -1,4 +1,4 @@
-"""The copy of a latent graph that belongs to a query: nodes carried to it, and what its edges cost there.
+"""The copy of a latent graph that belongs to a query: nodes transported to it, and what its edges cost there.
 
 Squared Riemannian lengths are chords of the decoded features: the pull-back metric of f is what makes |f(z + dz) -
 f(z)|^2 = dz^T J^T J dz for small dz. An edge is cut into `pieces` chords, so that a thin wall between two cheap nodes
@@ -20,11 +20,11 @@ from geodesic_motion_ros.manifold.weighted_graph import WeightedGraph
 
 @dataclass(frozen=True)
 class TransportedGraph(WeightedGraph):
-    """Poses carried to a query; the body points are K points fixed to the tool.
+    """Poses transported to a query; the body points are K points fixed to the tool.
 
     Attributes
     ----------
-    positions, quaternions : (n, 3) [m], (n, 4) carried node poses.
+    positions, quaternions : (n, 3) [m], (n, 4) transported node poses.
     """
 
     positions: np.ndarray
@@ -44,8 +44,9 @@ def chord_energies(
     """Sum of squared chords along every edge, of each of K tool points (m, K) and of the quaternion (m,), times the
     pieces.
 
-    Nodes are given carried, body_points (n, K, 3) and quaternions (n, 4); the inner samples (m, pieces - 1, ...) are
-    carried here by displacements (m, pieces - 1, 6), to save memory traffic. points : (K, 3) in the tool frame [m].
+    The nodes are transported already, body_points (n, K, 3) and quaternions (n, 4); the inner samples
+    (m, pieces - 1, ...) are transported here by displacements (m, pieces - 1, 6), to save memory traffic. points :
+    (K, 3) in the tool frame [m].
     """
     count, pieces = len(points), displacements.shape[1] + 1
     moved, turned = np.zeros((len(edges), count)), np.zeros(len(edges))

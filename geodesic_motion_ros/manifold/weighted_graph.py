@@ -1,4 +1,4 @@
-"""What a search needs of a graph that was carried to a query: where its nodes' body points are, and what edges cost."""
+"""WeightedGraph: a graph transported to a query, as a search reads it: its nodes' body points, and its edges' costs."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class WeightedGraph:
-    """Nodes and edges carried to a query. Squared length of an edge: w_e^2 = b_e + sum_k m_k a_ek.
+    """Nodes and edges transported to a query. Squared length of an edge: w_e^2 = b_e + sum_k m_k a_ek.
 
     With K body points each carries 1 / K of the body's share, so that K equal points weigh as much as one.
 

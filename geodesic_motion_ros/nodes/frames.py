@@ -18,7 +18,7 @@ from geodesic_motion_ros.nodes.messages import FrameLookup, FramePose
 
 
 class TransformBuffer(Protocol):
-    """What is used of a tf2_ros.Buffer."""
+    """The part of a tf2_ros.Buffer that is used."""
 
     def lookup_transform(self, target_frame: str, source_frame: str, time: RosTime) -> Any:
         """The TransformStamped of the source frame in the target frame, at time 0 the newest; does not wait."""

@@ -39,7 +39,7 @@ _NO_PROGRESS = 0.01
 
 
 class JointCycle(StreamCycle[np.ndarray, PreparedGoal]):
-    """The stream of configurations of one arm: as trajectories, and as where it is to be now.
+    """Turns inputs into ticks of a planner, and its plans into commands: one cycle of the planner node for a whole arm.
 
     Parameters
     ----------
@@ -93,10 +93,15 @@ class JointCycle(StreamCycle[np.ndarray, PreparedGoal]):
         self._not_counted: list[str] = []
 
     def run(self, inputs: CycleInputs[np.ndarray], period: float) -> CycleOutput:
-        """See `StreamCycle.run`; after a cycle that came too late, the arm brakes already.
+        """See `StreamCycle.run`. The steps before that, whose order matters:
 
-        An obstacle that has the name of an object in the hand is that object: it does not count while that is held, nor
-        where it was released until the arm has left it. An arm stands until what it is to hold counts.
+        1. If no cycle came for so long that the arm brakes by itself, on the stop at the end of the trajectory that was
+           sent last (`Horizon.overrun`), the planner records that, and plans on from the stop.
+        2. The objects in the hand are counted once they are prepared. Until then `_uncounted` names those that do not
+           count yet, for which the base class lets the arm stand, and `_goals_wait` defers goals.
+        3. The places of released objects are forgotten where the arm has left them.
+        4. Obstacles that have the name of an object in the hand are that object, and do not count while it is held, nor
+           where it was released, until the arm has left it. Where these names change, the obstacles are set anew.
         """
         braking = self._horizon.overrun(inputs.now + self.planner.settings.latency)
         if braking is not None:

@@ -15,13 +15,13 @@ _LONGEST_STEP = 2.0
 
 
 class RosTime(Protocol):
-    """What is used of rclpy's Time."""
+    """The part of rclpy's Time that is used."""
 
     nanoseconds: int
 
 
 class RosClock(Protocol):
-    """What is used of rclpy's ROSClock."""
+    """The part of rclpy's ROSClock that is used."""
 
     @property
     def ros_time_is_active(self) -> bool:
@@ -33,13 +33,13 @@ class RosClock(Protocol):
 
 @dataclass(frozen=True)
 class Moment:
-    """One look at the clocks.
+    """One reading of the node's clocks.
 
     Attributes
     ----------
     now : the ROS clock [s].
-    running : what has passed [s] of real time, or while a simulated clock is shown of its time; never goes back, and
-        not over a jump.
+    running : the real time that has passed [s]; while a simulated clock is published, its time. It never goes back, and
+        does not count jumps of a clock.
     simulated : whether the ROS clock is a simulated one.
     set_by : sum of all jumps of the ROS clock so far [s].
     """

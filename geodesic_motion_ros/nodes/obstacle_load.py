@@ -18,9 +18,9 @@ _FEW = 20
 
 
 class Load(NamedTuple):
-    """What obstacle messages took of some time.
+    """The processor time that obstacle messages cost.
 
-    share : of a core. received : markers a second.
+    share : of one core. received : markers per second.
     """
 
     share: float

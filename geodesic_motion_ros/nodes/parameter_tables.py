@@ -93,12 +93,21 @@ PLANNER = (
         "obstacle_position_error",
         0.0,
         "How far obstacles may be from where their source says, but for noise of single detections, which is measured: "
-        "so much more clearance is required, besides how far the arm was off the path that it was sent along",
+        "every obstacle is enlarged by it, and by how far the arm was off the path that it was sent along. Every "
+        "certificate keeps this distance",
         "m",
         0.0,
         0.5,
     ),
-    Parameter("obstacle_margin", 0.005, "Clearance the search keeps from obstacles", "m", 0.0, 0.5),
+    Parameter(
+        "obstacle_margin",
+        0.005,
+        "Clearance that the search of a path keeps from obstacles where it can; not guaranteed, the certificate asks "
+        "for less: for a guaranteed distance set obstacle_position_error",
+        "m",
+        0.0,
+        0.5,
+    ),
     Parameter(
         "ambient_strength",
         1000.0,

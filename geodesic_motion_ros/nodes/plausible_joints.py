@@ -19,7 +19,7 @@ OVERTAKEN = 0.1
 
 
 class PlausibleJoints:
-    """Looks at the states of one robot, one after the other."""
+    """Refuses joint states that the arm cannot have reached since the one before, or that are older than that."""
 
     def __init__(self, robot: Robot) -> None:
         self._robot = robot

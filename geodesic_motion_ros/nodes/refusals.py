@@ -66,7 +66,10 @@ class Refusals:
 
 
 class Guard(AbstractContextManager):
-    """See `Refusals`; reason : of what was swallowed."""
+    """Context that swallows the errors of one message and counts them in `Refusals`, so that the node lives on.
+
+    reason : of the error that was swallowed; "" where there was none.
+    """
 
     def __init__(self, refusals: Refusals, topic: str, prefix: str) -> None:
         self._refusals, self._topic, self._prefix = refusals, topic, prefix

@@ -118,7 +118,10 @@ class SkillKind(ABC):
 
 
 class CertifiedKind(SkillKind):
-    """Configurations of the whole arm, as `joint_trajectory`, or as `target_pose` with `target_posture`."""
+    """The certified planner as the node runs it (`method: certified`), for skills of both kinds.
+
+    It commands configurations of the whole arm, as `joint_trajectory`, or as `target_pose` with `target_posture`.
+    """
 
     def __init__(self, skill: Skill, values: Mapping[str, Value]) -> None:
         super().__init__()

@@ -14,8 +14,9 @@ _SPAN = 1.0
 
 
 class Schedule:
-    """When the next tick is due. Periods that were missed are counted and skipped, never made up in a
-    burst.
+    """Decides when the next tick of a loop with a fixed period is due, and counts the periods that were missed.
+
+    Missed periods are skipped, never made up in a burst.
     """
 
     def __init__(self, period: float, start: float) -> None:

@@ -8,7 +8,10 @@ _COUNTERS = Path("/proc/stat")
 
 
 class StolenTime:
-    """Counts from where it is made; /proc/stat sums up over all cores the ticks of each kind of use (man 5 proc)."""
+    """Measures the share of processor time that the hypervisor of a virtual machine took, since it was made.
+
+    /proc/stat sums up over all cores the ticks of each kind of use (man 5 proc).
+    """
 
     def __init__(self) -> None:
         self._begin = _counters()

@@ -43,7 +43,7 @@ REST_TIME = 0.5
 
 @dataclass(frozen=True)
 class CycleInputs(Generic[Place]):
-    """What is known when a cycle begins.
+    """The inputs of one cycle, as they are known when it begins.
 
     Attributes
     ----------
@@ -103,7 +103,7 @@ class CycleInputs(Generic[Place]):
 
 @dataclass(frozen=True)
 class CycleOutput:
-    """What to say after a cycle.
+    """The outputs of one cycle: commands, verdict and figures for the status.
 
     Attributes
     ----------
@@ -158,7 +158,9 @@ class Unsettled:
 
 
 class StreamCycle(ABC, Generic[Place, Prepared]):
-    """The stream of commands of one arm.
+    """One round of the planner node: judges the inputs, takes goals, knows where the arm is, and asks a planner.
+
+    A subclass knows one kind of planner, and makes the commands of one arm from its answers.
 
     Parameters
     ----------
@@ -198,6 +200,8 @@ class StreamCycle(ABC, Generic[Place, Prepared]):
         self._lost: Unsettled | None = None
         self._obstacles_version = -1
         # Whether goals are to be prepared later: with what the hand is about to hold; and why that does not count yet.
+        # Set by a subclass: whether goals wait for what it prepares, and which held objects do not count yet, for which
+        # the arm stands; "": none.
         self._goals_wait, self._uncounted = False, ""
 
     def run(self, inputs: CycleInputs[Place], period: float) -> CycleOutput:

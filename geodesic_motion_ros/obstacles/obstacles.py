@@ -18,7 +18,7 @@ _ROTATION_TOLERANCE = 1e-6
 
 @dataclass(frozen=True, eq=False)
 class Obstacles:
-    """Spheres, solids and a point cloud in one frame, all at `time` [s].
+    """Everything that the arm must keep away from: spheres, solids and a point cloud in one frame, at `time` [s].
 
     Attributes
     ----------
@@ -146,8 +146,8 @@ class Obstacles:
             np.array_equal(getattr(self, name), getattr(other, name)) for name in names
         )
 
-    def is_unchanged(self, later: Obstacles) -> bool:
-        """Whether a later scene has the same obstacles at the same places, and none of both moves."""
+    def is_static_and_unchanged(self, later: Obstacles) -> bool:
+        """Whether later obstacles are the same at the same places, and none moves, neither now nor then."""
         return self.same_places(later) and self.is_static and later.is_static
 
     def distinct(self) -> Obstacles:

@@ -1,4 +1,4 @@
-"""Track: one obstacle as its updates tell of it: where it is by its motion, and where it may be once they fail to come.
+"""Track: the state of one obstacle, estimated from its messages: where it is, and where it may be once none arrive.
 
 Times are on the clock of `tracker`.
 """
@@ -51,7 +51,7 @@ class MessageOrder:
 
 @dataclass
 class Track:
-    """One obstacle, as its newest update says and its motion explains it.
+    """The estimated state of one obstacle: its shape and place by the newest message, and its motion by all of them.
 
     Attributes
     ----------

@@ -23,7 +23,7 @@ NOISE_FACTOR = 25.0
 
 
 class VelocityHistory:
-    """How one obstacle has moved in the last two seconds.
+    """Bounds the error of one obstacle's velocity by how that has changed in the last two seconds.
 
     Example
     -------

@@ -1,18 +1,16 @@
-"""AttemptMemory: what earlier attempts of an arm without a path came to, and therefore which of them come next."""
+"""AttemptMemory: the outcomes of earlier attempts of an arm without a path, which decide what is attempted next."""
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field, replace
 
-import numpy as np
-
 from geodesic_motion_ros.obstacles.obstacles import Obstacles
 from geodesic_motion_ros.planning.approach import ApproachSearch
-from geodesic_motion_ros.planning.detour import Detour
+from geodesic_motion_ros.planning.detour import Detour, DetourRequest
 from geodesic_motion_ros.planning.detour_worker import DetourJob
 from geodesic_motion_ros.planning.evasion import FailedEvasion, is_searched
-from geodesic_motion_ros.planning.mission import Goal, Query
+from geodesic_motion_ros.planning.mission import Query
 from geodesic_motion_ros.planning.plan import Plan
 from geodesic_motion_ros.planning.settings import Attempt
 from geodesic_motion_ros.planning.situation import Situation
@@ -22,10 +20,14 @@ from geodesic_motion_ros.planning.status import Verdict, VerdictCode
 
 @dataclass(frozen=True)
 class Blocked:
-    """What was tried for an arm at rest among obstacles that stand, and found no path: it need not be tried again.
+    """The attempts that found no path for an arm at rest among obstacles that stand: they need not be repeated.
 
-    origin : the query that the arm stopped on, in the place of which others are tried.
-    unfinished : one of the attempts, with this query or one before, was out of time.
+    Attributes
+    ----------
+    query : the query that was attempted last. origin : the query on which the arm stopped; other queries, for the same
+        goal, are attempted in its place.
+    attempts : those that were made with `query` among `obstacles`; verdict : of the last of them.
+    unfinished : whether one of the attempts, with this query or one before it, was out of time.
     """
 
     query: Query
@@ -37,33 +39,10 @@ class Blocked:
 
 
 @dataclass(frozen=True, eq=False)
-class DetourRequest:
-    """What a detour is searched for: a goal, obstacles, how far it may lead [m], where the arm stands (eta,) [rad].
-
-    query : the one that the arm stopped on.
-    """
-
-    query: Query
-    goal: Goal
-    obstacles: Obstacles
-    reach: float
-    position: np.ndarray
-
-    def is_same(self, other: DetourRequest) -> bool:
-        """Whether it has the same answer."""
-        unchanged = self.is_between_same(other) and self.obstacles.is_unchanged(other.obstacles)
-        return unchanged and self.reach == other.reach
-
-    def is_between_same(self, other: DetourRequest) -> bool:
-        """Whether it is to lead from the same place to the same goal."""
-        return self.goal is other.goal and np.array_equal(self.position, other.position)
-
-
-@dataclass(frozen=True, eq=False)
 class DetourSearch:
-    """A search of a detour that was begun, and for what.
+    """The search of a detour that was begun last: its job, its request, and why its detour is not followed.
 
-    refusal : why the detour that it found is not followed, where it found one.
+    refusal : "" as long as no detour was found, or the one that was found is not refused.
     """
 
     job: DetourJob
@@ -71,14 +50,14 @@ class DetourSearch:
     refusal: str = ""
 
     def found(self, request: DetourRequest) -> Detour | None:
-        """The detour of a job that is done, where it is one for a request, no farther off than that may lead."""
+        """The detour of the job, where it serves a request: from and to the same, no farther off than that allows."""
         detour = self.job.result
         if not isinstance(detour, Detour) or not self.request.is_between_same(request):
             return None
         return detour if self.request.reach <= request.reach or detour.displacement <= request.reach else None
 
     def reason(self, request: DetourRequest, now: float) -> str:
-        """Why nothing meets a request at a time [s]; "" where that is not known."""
+        """Why there is no detour for a request at `now` [s]; "" where that is not known."""
         if not self.request.is_same(request) or not self.job.done(now):
             return ""
         return self.refusal if isinstance(self.job.result, Detour) else self.job.result
@@ -86,13 +65,13 @@ class DetourSearch:
 
 @dataclass(frozen=True, eq=False)
 class AttemptMemory:
-    """What earlier attempts, detours, evasions and approaches came to; each tick that searches makes the next one.
+    """The outcomes of earlier attempts, detours, evasions and approaches, which decide what a tick attempts next.
 
     Attributes
     ----------
-    without_path : the query for which there was no path the last time; refusal : why; attempted : the number of the
-        last attempt.
-    blocked : what was tried where obstacles stand; None: they have moved since, or the arm follows a path.
+    without_path : the query for which the last search found no path; None: it found one. refusal : why it found none.
+    attempted : the number of the last attempt with that query (`chosen_attempts`).
+    blocked : the attempts that need not be repeated; None: obstacles have moved since, or the arm follows a path.
     last_failed_evasion : the last search of an evasion path that found none.
     blocked_since : since when the arm has had no path [s].
     detour, approach : the last ones that were searched.
@@ -108,23 +87,30 @@ class AttemptMemory:
     approach: ApproachSearch | None = None
 
     def still_blocked(self, query: Query, obstacles: Obstacles) -> Blocked | None:
-        """What was tried and found no path, where nothing has changed since."""
+        """The attempts with a query that need not be repeated, where nothing has changed since; None elsewhere."""
         blocked = self.blocked
-        if blocked is None or blocked.query is not query or not blocked.obstacles.is_unchanged(obstacles):
+        if blocked is None or blocked.query is not query or not blocked.obstacles.is_static_and_unchanged(obstacles):
             return None
         return blocked
 
     def origin(self, query: Query) -> Query:
-        """The query in the place of which another one was tried."""
+        """The query on which the arm stopped, where a query is attempted in its place; else the query itself."""
         return self.blocked.origin if self.blocked is not None and self.blocked.query is query else query
 
     def chosen_attempts(
         self, solver: Solver, query: Query, situation: Situation
     ) -> tuple[tuple[Attempt, ...], AttemptMemory]:
-        """What is tried by an arm that follows no path to a query's goal, and the memory of that.
+        """The attempts of this tick, by an arm that follows no path to a query's goal, and the memory of them.
 
-        All where a path has just been lost, or was not searched yet; where there was none the last time, another one in
-        every tick, and none where an evasion path is searched. Those that are optimistic are for what moves.
+        | situation | attempts |
+        |---|---|
+        | the query is new, or its path has just been lost | all of `Solver.attempts` |
+        | the last search found no path, and an evasion path is searched in this tick | none |
+        | the last search found no path: obstacles block it, and one of them moves | the next one of `Solver.attempts` |
+        | the last search found no path, otherwise | the next one of `Solver.cautious` |
+
+        `attempted` counts on through whichever of both tuples the tick uses, modulo its length, so that every attempt
+        comes again.
         """
         if query is not self.without_path:
             return solver.attempts, replace(self, attempted=len(solver.attempts) - 1)
@@ -138,12 +124,15 @@ class AttemptMemory:
     def after(
         self, plan: Plan, query: Query, blocked: Blocked | None, attempts: tuple[Attempt, ...], situation: Situation
     ) -> AttemptMemory:
-        """With what a search came to; blocked : what was tried before in the same situation."""
+        """The memory after a search of a query with some attempts, which came to a plan.
+
+        blocked : the attempts with the query, in the same situation, before this search; None: there were none.
+        """
         still, out_of_time = None, plan.verdict.code is VerdictCode.DEADLINE_MISSED
         without = out_of_time or plan.verdict.code is VerdictCode.NO_FEASIBLE_PATH
         if without and situation.expected.is_static and situation.at_rest:
             before = blocked or Blocked(query, query, situation.obstacles, frozenset(), plan.verdict)
-            # The first time all attempts share a tick, also with what holds a posture; later each has one of its own.
+            # The first time all attempts share a tick, and its deadline; later each attempt has a tick of its own.
             shared = out_of_time and query is not self.without_path
             tried = before.attempts if shared else before.attempts.union(attempts)
             unfinished = before.unfinished or (out_of_time and not shared)
@@ -154,13 +143,13 @@ class AttemptMemory:
         return replace(self, without_path=query, refusal=plan.verdict, blocked=still, blocked_since=since)
 
     def interrupted(self, verdict: Verdict) -> AttemptMemory:
-        """Where there was no time for an approach that a verdict asks for: all is tried once more."""
+        """The memory after a tick that had no time for the approach that a verdict asks for: all is attempted again."""
         if self.blocked is None or not verdict.goal_covered:
             return self
         return replace(self, blocked=replace(self.blocked, unfinished=True))
 
     def after_approach(self, search: ApproachSearch | None, found: bool) -> AttemptMemory:
-        """With the last approach that was searched; found : the arm leaves where it was blocked."""
+        """The memory after an approach was searched; found : there is one, and the arm leaves where it was blocked."""
         if not found:
             return replace(self, approach=search)
         return replace(self, approach=search, blocked=None, detour=None)

@@ -31,12 +31,12 @@ from geodesic_motion_ros.trajectory.trajectory import PERIOD, JointReference, jo
 
 @dataclass(frozen=True)
 class SweptSpheres:
-    """Where a reference takes the arm's S spheres between its n knots.
+    """Where a reference takes the arm's S collision spheres: their centres at its n knots, and a bound between knots.
 
     Attributes
     ----------
     times : (n,) of the knots [s]. placed : (n, S, 3) sphere centres at the knots [m].
-    bulges : (n - 1, S) how far centres may leave the segments between them [m].
+    bulges : (n - 1, S) how far a centre may leave the straight segment between two knots [m], at most.
     """
 
     times: np.ndarray
@@ -46,7 +46,9 @@ class SweptSpheres:
 
 @dataclass(frozen=True)
 class SweptArm(SweptSpheres):
-    """The same with all that no obstacle has to do with.
+    """Swept spheres with the clearances that do not depend on obstacles: from the arm itself and the declared scene.
+
+    They are worked out once for a reference, and certified again in every tick, as obstacles change.
 
     Attributes
     ----------
@@ -58,9 +60,10 @@ class SweptArm(SweptSpheres):
     scene_clearance: np.ndarray
 
     def since(self, time: float) -> SweptArm:
-        """What is left from a time [s] on, with times counted from there.
+        """The rest of the motion from a time [s] on, with times counted from there.
 
-        It begins at the knot before, at a time that is not positive; beyond the end the arm stands for a period.
+        It begins at the knot at or before that, at a time that is not positive. Beyond the end of the motion it is an
+        arm that stands for a period.
         """
         if time >= self.times[-1]:
             still = np.array([0.0, PERIOD])
@@ -76,7 +79,7 @@ class SweptArm(SweptSpheres):
         )  # fmt: skip
 
     def lasting(self, time: float) -> SweptArm:
-        """With the arm standing where it comes to rest until a time [s] at least."""
+        """The motion with the arm standing where it comes to rest, until a time [s] at least."""
         if time <= self.times[-1]:
             return self
         return SweptArm(
@@ -88,16 +91,18 @@ class SweptArm(SweptSpheres):
 
 @dataclass(frozen=True)
 class Certificate:
-    """What is guaranteed of a reference between its n knots.
+    """How far the arm stays from obstacles, from itself and from the declared scene between the n knots of a reference.
+
+    A certificate states clearances and judges nothing: `ArmCertifier.objection` says whether they are enough.
 
     Attributes
     ----------
     times : (n,) of the knots [s].
     clearance : (n - 1,) smallest distance [m] of the arm from obstacles, negative inside; inf without obstacles.
     sphere : (n - 1,) the collision sphere that has it, -1 without obstacles.
-    self_clearance, pair : (n - 1,) the same of pairs of spheres.
-    scene_clearance : (n - 1,) the same from the declared scene; entered : link and part of it that meet first, "" where
-        none do.
+    self_clearance : (n - 1,) smallest distance [m] of two spheres of the arm from each other; pair : (n - 1,) which.
+    scene_clearance : (n - 1,) smallest distance [m] of the arm from the declared scene.
+    entered : the link and the part of the scene that meet first; "" where none do.
     """
 
     times: np.ndarray
@@ -111,14 +116,16 @@ class Certificate:
 
 @dataclass(frozen=True)
 class JudgedTrajectory:
-    """A reference with what its certificate guarantees between its n knots: what an arm may play.
+    """A reference with the clearances of its certificate: the only kind of trajectory that an arm plays.
 
-    Made by `ArmCertifier.judged` and `continued_by` alone. Not every one is certified: the certificate of a stop may
-    object, that it comes too near to an obstacle, and it is played where anything else would come nearer.
+    Judged does not mean certified: a trajectory is certified where `ArmCertifier.objection` objects to nothing. Every
+    trajectory but a stop is certified before it is played. A stop is played even where its certificate states that it
+    meets an obstacle: any other motion would come nearer. `ArmCertifier.judged` and `continued_by`
+    alone make one.
 
     Attributes
     ----------
-    clearance, self_clearance : (n - 1,) as of `Certificate`; the last includes the time at rest that was certified.
+    clearance, self_clearance : (n - 1,) as of `Certificate`; the last one counts the time at rest that was certified.
     """
 
     reference: JointReference
@@ -138,8 +145,8 @@ class JudgedTrajectory:
         return positions, continuous_signs(quaternions)
 
     def continued_by(self, other: JudgedTrajectory, since: float, until: float) -> JudgedTrajectory:
-        """From the knot at `since` [s] until `until` [s], and from there on another one:
-        `trajectory.trajectory.joined`.
+        """This trajectory from the knot at `since` [s] until `until` [s], and another one from there on
+        (`trajectory.trajectory.joined`).
         """
         # Beyond its end the arm stands, with the clearance that it has there.
         kept = np.minimum(kept_knots(self.reference, since, until), len(self.clearance) - 1)
@@ -169,16 +176,19 @@ class ArmCertifier:
         self._moving = np.flatnonzero(collision.moving)
 
     def certify(
-        self, reference: JointReference, obstacles: Obstacles, horizon: float, beyond: bool = True
+        self, reference: JointReference, obstacles: Obstacles, horizon: float, stand_after_horizon: bool = True
     ) -> Certificate:
-        """The certificate of a reference among obstacles, which move linearly for `horizon` [s] and then stand.
+        """The certificate of a reference among obstacles, which move linearly for `horizon` [s].
 
-        beyond : False: what moves is not counted after the horizon; until then the arm stands where it came to rest.
+        stand_after_horizon : True: a moving obstacle stands after the horizon where it has come to, and the rest of the
+            motion is certified among these, too. False: after the horizon a moving obstacle is not counted any more:
+            a later part of the motion is certified among standing obstacles alone; and a motion that ends before the
+            horizon is certified until then, with the arm at rest.
         """
-        return self.certify_swept(self.swept(reference), obstacles, horizon, beyond)
+        return self.certify_swept(self.swept(reference), obstacles, horizon, stand_after_horizon)
 
     def judged(self, reference: JointReference, certificate: Certificate) -> JudgedTrajectory:
-        """A reference with its certificate, which may go on while the arm stands at its end."""
+        """A reference with its certificate, which may cover more time than that, with the arm standing at its end."""
         last = len(reference.times) - 2
         clearance, self_clearance = (
             np.append(values[:last], np.min(values[last:]))
@@ -187,7 +197,7 @@ class ArmCertifier:
         return JudgedTrajectory(reference, clearance, self_clearance, self._robot)
 
     def swept(self, reference: JointReference) -> SweptArm:
-        """Where a reference takes the arm."""
+        """Where a reference takes the arm, with its clearances from itself and from the declared scene."""
         spheres = self.swept_spheres(reference)
         placed, bulges = spheres.placed, spheres.bulges
         scene, _ = clearances_in_motion(spheres.times, placed, bulges, self._radii, self._moving, self._standing, 0.0)
@@ -196,7 +206,7 @@ class ArmCertifier:
         )
 
     def swept_spheres(self, reference: JointReference) -> SweptSpheres:
-        """The same of its spheres alone."""
+        """Where a reference takes the arm's spheres."""
         times = reference.times
         _, largest = quintic_bounds(times, reference.positions, reference.velocities, reference.accelerations)
         bulges = sphere_bulges(times, largest[0], largest[1], self._levers)
@@ -204,22 +214,23 @@ class ArmCertifier:
         return SweptSpheres(times, placed, bulges)
 
     def room(self, swept: SweptSpheres, standing: Obstacles) -> float:
-        """Least clearance [m] of a motion from what stands."""
+        """Least clearance [m] of a motion from obstacles that stand."""
         clearance, _ = clearances_in_motion(
             swept.times, swept.placed, swept.bulges, self._radii, self._moving, standing, 0.0
         )
         return float(np.min(clearance))
 
     def between(self, placed: np.ndarray, standing: Obstacles) -> np.ndarray:
-        """Clearance [m] of spheres that move straight from sample to sample (m, S, 3) from what stands, (m - 1,)."""
+        """Clearance (m - 1,) [m] from obstacles that stand, of spheres that move straight between samples (m, S, 3)."""
         times, straight = np.arange(float(len(placed))), np.zeros((len(placed) - 1, placed.shape[1]))
         return clearances_in_motion(times, placed, straight, self._radii, self._moving, standing, 0.0)[0]
 
     def certify_swept(
-        self, swept: SweptArm, obstacles: Obstacles, horizon: float, beyond: bool = True
+        self, swept: SweptArm, obstacles: Obstacles, horizon: float, stand_after_horizon: bool = True
     ) -> Certificate:
         """`certify` for where a reference takes the arm; obstacles are where they are at its time 0."""
-        clearances = clearances_in_motion if beyond or obstacles.is_static else clearances_until
+        stand = stand_after_horizon or obstacles.is_static
+        clearances = clearances_in_motion if stand else clearances_until
         clearance, sphere = clearances(
             swept.times, swept.placed, swept.bulges, self._radii, self._moving, obstacles, horizon
         )
@@ -229,7 +240,7 @@ class ArmCertifier:
         )  # fmt: skip
 
     def _entered(self, swept: SweptArm) -> str:
-        """The link and the part of the scene that meet first."""
+        """The link and the part of the scene that meet first; "" where none do."""
         inside = np.flatnonzero(swept.scene_clearance < 0.0)
         if not len(inside):
             return ""
@@ -238,8 +249,9 @@ class ArmCertifier:
         return f"'{self._link(moving[sphere])}' enters '{part}'"
 
     def objection(self, certificate: Certificate, margin: float = 0.0) -> str | None:
-        """Why a reference must not be followed, naming the link; None where `margin` [m] is kept from obstacles and
-        the arm stays off itself and out of the declared scene."""
+        """Why a reference must not be followed, naming the link; None where it is certified: it keeps `margin` [m] from
+        obstacles, and the arm touches neither itself nor the declared scene.
+        """
         i, j = int(np.argmin(certificate.clearance)), int(np.argmin(certificate.self_clearance))
         if certificate.clearance[i] < margin:
             return (
@@ -264,7 +276,7 @@ class ArmCertifier:
         return f"'{self._link(sphere)}' enters what is not seen after {swept.times[interval]:.2f} s"
 
     def first_objection(self, certificate: Certificate, margin: float = 0.0) -> float | None:
-        """When [s] the first of what `objection` objects to begins; None where it does not."""
+        """When [s] the first violation begins to which `objection` objects; None where it objects to none."""
         bad = (certificate.clearance < margin) | (certificate.self_clearance < 0.0)
         bad |= certificate.scene_clearance < 0.0
         return max(0.0, float(certificate.times[int(np.argmax(bad))])) if np.any(bad) else None

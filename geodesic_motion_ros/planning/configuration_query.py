@@ -1,7 +1,8 @@
-"""ConfigurationQuery: a start and a goal configuration, with the graph of a skill of configurations carried to them.
+"""ConfigurationQuery: a start and a goal configuration, with a skill's graph of configurations transported to them.
 
-As `query.Query` for poses. A goal that is given as a pose may be reached by several configurations, one in each family
-that was demonstrated: the query goes to the one that is cheapest to reach from where the arm is (`ConfigurationGoal`).
+As `pose_query.PoseQuery` for poses. A goal that is given as a pose may be reached by several configurations, one in
+each family that was demonstrated: the query goes to the one that is cheapest to reach from where the arm is
+(`ConfigurationGoal`).
 """
 
 from __future__ import annotations
@@ -17,18 +18,18 @@ from geodesic_motion_ros.manifold.joint_transport import JointOffsets
 from geodesic_motion_ros.manifold.node_body import LinkBounds, NodeBody
 from geodesic_motion_ros.manifold.shortest_path import cost_field
 from geodesic_motion_ros.manifold.transport import corrections_at
-from geodesic_motion_ros.planning.carried_query import (
-    AlongMeanPaths,
-    CarriedQuery,
-    CarriedQueryBuilder,
-    End,
-    edges_in_scene,
-)
 from geodesic_motion_ros.planning.declared_scene import DeclaredScene
 from geodesic_motion_ros.planning.pose_query import Pose
 from geodesic_motion_ros.planning.search import demonstrated_cost
 from geodesic_motion_ros.planning.settings import NEAREST_POSES, SAME_TASK_JOINTS, PlannerSettings
 from geodesic_motion_ros.planning.status import Verdict, VerdictCode
+from geodesic_motion_ros.planning.transported_query import (
+    AlongMeanPaths,
+    End,
+    TransportedQuery,
+    TransportedQueryBuilder,
+    edges_in_scene,
+)
 from geodesic_motion_ros.robot.body_points import end_effector_poses
 from geodesic_motion_ros.robot.collision_model import CollisionModel, self_clearance
 from geodesic_motion_ros.robot.inverse_kinematics import solve
@@ -63,7 +64,7 @@ class ConfigurationGoal:
 
 @dataclass(frozen=True)
 class _End:
-    """A start or goal configuration and the latent point that is carried onto it.
+    """A start or goal configuration and the latent point that is transported onto it.
 
     Attributes
     ----------
@@ -87,10 +88,11 @@ class _End:
 
 
 @dataclass(frozen=True)
-class ConfigurationQuery(CarriedQuery):
-    """A start and a goal configuration (eta,) [rad] with the graph carried to them, which was decoded as `decoded`.
+class ConfigurationQuery(TransportedQuery):
+    """The query of a skill of configurations: a start, a goal (eta,) [rad], and the graph transported to them.
 
-    ends : the start and the goal, with the latent points that are carried onto them.
+    decoded : the skill's graph, before it was transported.
+    ends : the start and the goal, with the latent points that are transported onto them.
     """
 
     decoded: ConfigurationGraph
@@ -106,8 +108,8 @@ class ConfigurationQuery(CarriedQuery):
         return self.offsets.carried(decoded, *self.decoded.progress_map(latent)), ""
 
 
-class ConfigurationQueryBuilder(CarriedQueryBuilder):
-    """Finds where on the manifold start and goal lie, and transports the graph to them."""
+class ConfigurationQueryBuilder(TransportedQueryBuilder):
+    """Finds where on the manifold a start and a goal configuration lie, and transports the graph to them."""
 
     def __init__(
         self,

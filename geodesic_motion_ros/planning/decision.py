@@ -1,9 +1,16 @@
-"""Decider: what an arm does in one tick, by its situation, its mission and what was tried before. Changes nothing.
+"""Decider: decides what an arm does in one tick, by its situation, its mission and the outcomes of earlier attempts. It
+changes nothing.
 
-While nothing changes the trajectory stays. Otherwise the search is repeated, and the new path taken where it is a gain.
-Where no path is left that can be certified the arm stops along the one that it follows; where something is then coming
-to where it stands, it evades (`evasion`). Where its goal is covered it goes as near as it can (`approach`). Where it
-has had no path for long enough, a detour is searched for it.
+`Decider.decide` comes to the seven stages (doc/reactions.md) in this order; each branch below repeats the number of its
+stage.
+
+1. Keep: the path that is followed is free, and no better one is due, or found.
+2. Another path: one that is a gain over it.
+3. Detour: one that was found is free; or a search of one is begun, by an arm that has had no path for long enough.
+4. Search: there is no path, and an attempt finds one.
+5. Evade: an obstacle comes to where the arm stands or stops. An approach that is still free goes on before this.
+6. Approach: the goal is covered, and the arm can come nearer to it.
+7. Stop: none of these.
 """
 
 from __future__ import annotations
@@ -14,24 +21,28 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from geodesic_motion_ros.planning.approach import approached, still_approaching
-from geodesic_motion_ros.planning.attempt_memory import AttemptMemory, Blocked, DetourRequest
-from geodesic_motion_ros.planning.detour import without_detour
+from geodesic_motion_ros.planning.attempt_memory import AttemptMemory, Blocked
+from geodesic_motion_ros.planning.detour import DetourRequest, without_detour
 from geodesic_motion_ros.planning.evasion import evaded, still_evading
 from geodesic_motion_ros.planning.guarded_arm import GuardedArm
 from geodesic_motion_ros.planning.mission import Goal, Mission, Query
 from geodesic_motion_ros.planning.plan import Plan
+from geodesic_motion_ros.planning.played import TIME_ROUNDING, Followed, Step
 from geodesic_motion_ros.planning.search import KnownPaths
 from geodesic_motion_ros.planning.settings import Attempt
-from geodesic_motion_ros.planning.situation import TIME_ROUNDING, Followed, Situation, Step
+from geodesic_motion_ros.planning.situation import Situation
 from geodesic_motion_ros.planning.status import Verdict, VerdictCode
 
 
 @dataclass(frozen=True, eq=False)
 class Decision:
-    """What a tick comes to, and what is remembered of it.
+    """The outcome of a tick: what is played from now on, and what the planner remembers.
 
-    query : the graph carried to the active goal; None: none is.
-    detour : what one is to be searched for from now on; None: that is left as it is.
+    Attributes
+    ----------
+    step : for the stream. memory : for the next tick.
+    query : the query to the active goal; None: the goal has none yet.
+    detour : the request of a detour that is to be searched from now on; None: no search is begun.
     """
 
     step: Step
@@ -42,7 +53,7 @@ class Decision:
 
 @dataclass(frozen=True, eq=False)
 class Decider:
-    """Decides for an arm in a situation, with what earlier attempts came to."""
+    """Decides what an arm does in one tick: `Decider(...).decide()`, without changing anything."""
 
     arm: GuardedArm
     situation: Situation
@@ -50,13 +61,14 @@ class Decider:
     memory: AttemptMemory
 
     def decide(self) -> Decision:
-        """What is to be done, without doing it."""
+        """The decision of this tick, stage by stage (see the module): 1 and 2 with a path, 3 to 7 without one."""
         situation, memory, query = self.situation, self.memory, self.mission.query
         if self.mission.active is None:
             stop = situation.stopped(Verdict(VerdictCode.NO_GOAL, "no goal has been given"))
             return Decision(stop, None, replace(memory, blocked_since=math.inf))
         following = situation.following(query)
-        if following is not None and self._is_unchanged(following):
+        if following is not None and self._needs_no_check(following):
+            # Stage 1, keep: nothing has changed since the path was certified.
             return Decision(situation.answered(following.verdict), query, memory)
         goal = self.mission.active.goal
         if query is None:
@@ -68,19 +80,22 @@ class Decider:
         if followed is None:
             return self._without_path(query, goal)
         if not followed.is_due(situation.now):
+            # Stage 1, keep: the rest of the path is free, and so is a stop a moment later.
             return Decision(situation.answered(followed.verdict, followed), query, memory)
         return self._improved(query, followed)
 
     # ------------------------------------------------------------ with a path
 
-    def _is_unchanged(self, followed: Followed) -> bool:
-        """Whether what is followed is still the best path, as nothing has changed."""
+    def _needs_no_check(self, followed: Followed) -> bool:
+        """Whether the path that is followed needs neither a new certificate nor a new search: the obstacles stand, and
+        are those among which it was certified.
+        """
         if not self.situation.settings.avoidance:
             return True
-        return followed.obstacles is not None and followed.obstacles.is_unchanged(self.situation.obstacles)
+        return followed.obstacles is not None and followed.obstacles.is_static_and_unchanged(self.situation.obstacles)
 
     def _improved(self, query: Query, followed: Followed) -> Decision:
-        """What is followed and free, or a new path where that is a gain."""
+        """Stage 2, another path, where the search finds one that is a gain; else stage 1, keep."""
         situation, attempts = self.situation, self.arm.solver.attempts[:1]
         plan = self._solved(query, attempts, followed.known, situation.longest_worthwhile(followed))
         if not situation.handover_deadline.passed and situation.gains(plan, followed):
@@ -91,15 +106,18 @@ class Decider:
         return Decision(situation.answered(updated.verdict, updated), query, self.memory)
 
     def _taken(self, query: Query, plan: Plan, memory: AttemptMemory) -> Decision:
-        """A new path; found too late, the evasion path being played stays where it is free."""
+        """A new path is followed. Where it was found too late, an arm that evades goes on evading as long as that is
+        free.
+        """
         situation = self.situation
         step = still_evading(situation) if situation.handover_deadline.passed else None
-        return Decision(step or situation.handed_out(plan, Followed.begun(query, plan, situation)), query, memory)
+        begun = Followed.begun(query, plan, situation.obstacles, situation.now)
+        return Decision(step or situation.handed_out(plan, begun), query, memory)
 
     # --------------------------------------------------------- without a path
 
     def _without_path(self, query: Query, goal: Goal) -> Decision:
-        """A detour, or a path, or what an arm without either does, whose verdict says why no detour was found."""
+        """Stages 3 to 7, of an arm without a path; the verdict says why there is no detour, where one was searched."""
         decision = self._detoured(query, goal) or self._searched_again(query, goal)
         search, plan = decision.memory.detour, decision.step.plan
         if search is None or plan.verdict.code is not VerdictCode.NO_FEASIBLE_PATH:
@@ -111,7 +129,7 @@ class Decider:
         return replace(decision, step=replace(decision.step, plan=explained))
 
     def _searched_again(self, query: Query, goal: Goal) -> Decision:
-        """What an arm without a path does: it goes on searching."""
+        """Stages 4 to 7 with the query whose turn it is; stage 7, stop, where every query was attempted in full."""
         blocked = self.memory.still_blocked(query, self.situation.obstacles)
         chosen, tried = self._query_to_try(query, blocked, goal)
         if chosen is None:
@@ -120,13 +138,21 @@ class Decider:
         return self._searched(chosen, tried)
 
     def _query_to_try(self, query: Query, blocked: Blocked | None, goal: Goal) -> tuple[Query | None, Blocked | None]:
-        """The query that is searched next, and what was tried with that; None where everything was tried in full.
+        """The query that is searched next, and the attempts that were made with it already.
 
-        The first is the one that the arm stopped on; then the same goal from where it stands, in each posture.
+        The order, for an arm among obstacles that stand:
+
+        1. the query on which the arm stopped (`Blocked.origin`);
+        2. a query to the same goal from where the arm stands, if it stands elsewhere than that one begins;
+        3. the same in each other posture in which the arm can hold it;
+        4. once more from 1 on, if one of these attempts was out of time (`Blocked.unfinished`);
+        5. None: all was attempted, and nothing has changed since.
+
+        Each query is searched until all cautious attempts were made with it. Where obstacles have changed, or move, 1
+        is searched again: the other queries were for obstacles that stood.
         """
         queries = self.arm.queries
         if blocked is None:
-            # Another query was for obstacles that stood.
             origin = self.memory.origin(query)
             return (queries.first_posture(origin) if self.situation.at_rest else origin), None
         if not blocked.attempts.issuperset(self.arm.solver.cautious):
@@ -141,27 +167,33 @@ class Decider:
         return other, replace(blocked, attempts=frozenset())
 
     def _searched(self, query: Query, blocked: Blocked | None) -> Decision:
-        """A new path, or what an arm without one does; blocked : what was tried already."""
+        """Stages 4 to 7 with one query; blocked : the attempts that were made with it already."""
         situation, solver = self.situation, self.arm.solver
         attempts, memory = self.memory.chosen_attempts(solver, query, situation)
         plan = self._solved(query, attempts, refusal=memory.refusal)
         memory = memory.after(plan, query, blocked, attempts, situation)
         if plan.trajectory is not None:
+            # Stage 4, search: there is a path.
             return self._taken(query, plan, memory)
+        # An approach that is still free goes on before stage 5.
         step = still_approaching(query, plan.verdict, situation)
         if step is None and (situation.deadline.passed or situation.handover_deadline.passed):
+            # Stage 5, evade: there is no time to search another evasion path.
             step = still_evading(situation)
             if step is not None or situation.deadline.passed:
                 return Decision(step or situation.stopped(plan.verdict), query, memory.interrupted(plan.verdict))
         if step is None:
+            # Stage 5, evade.
             step, failed = evaded(solver, query, plan.verdict, situation, memory.last_failed_evasion)
             memory = replace(memory, last_failed_evasion=failed)
         if (step is None or step.plan.trajectory is None) and memory.origin(query) is query:
+            # Stage 6, approach.
             nearer, search = approached(solver, query, plan.verdict, situation, memory.approach)
             if search is memory.approach and (situation.deadline.passed or situation.handover_deadline.passed):
                 memory = memory.interrupted(plan.verdict)
             memory = memory.after_approach(search, nearer is not None)
             step = nearer or step
+        # Stage 7, stop, where no stage before has a step.
         return Decision(step or situation.stopped(plan.verdict), query, memory)
 
     def _solved(
@@ -181,10 +213,11 @@ class Decider:
     # ---------------------------------------------------------------- detours
 
     def _detoured(self, query: Query, goal: Goal) -> Decision | None:
-        """A detour of an arm at rest that has had no path for long enough, or the search of one; None: neither.
+        """Stage 3, detour: the decision of an arm at rest that follows a detour, or begins to search one; None: it does
+        neither, and goes on with stage 4.
 
-        What was found is judged among the obstacles that are there by now; a search is begun again where they are
-        others than it was begun with.
+        A detour that was found is certified among the present obstacles. A search is begun again where these are others
+        than those that it was begun with.
         """
         situation, memory, search, now = self.situation, self.memory, self.memory.detour, self.situation.now
         if situation.reach == 0.0 or not situation.at_rest or math.isinf(memory.blocked_since):

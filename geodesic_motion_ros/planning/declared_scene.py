@@ -66,7 +66,7 @@ _UPRIGHT = np.array([1.0, 0.0, 0.0, 0.0])
 
 @dataclass(frozen=True, eq=False)
 class DeclaredScene:
-    """Solids that stand for ever.
+    """The surroundings of the arm as a user declares them: solids that always stand, which no motion may enter.
 
     Attributes
     ----------
@@ -90,8 +90,8 @@ class DeclaredScene:
 
     @classmethod
     def named(cls, name: str) -> DeclaredScene | None:
-        """What a user types: a file, the name of one in config/scenes, or `none` where nothing stands; an empty text
-        declares nothing, None.
+        """The scene that a user names: a file, the name of a file in config/scenes, or `none` where nothing stands; an
+        empty text declares nothing, None.
 
         Raises
         ------
@@ -104,7 +104,7 @@ class DeclaredScene:
 
     @classmethod
     def recorded(cls, skill: Skill) -> DeclaredScene | None:
-        """What stood around the arm as a skill was demonstrated; None where the skill does not say.
+        """The scene in which a skill was demonstrated; None where the skill does not state it.
 
         Raises
         ------
@@ -168,7 +168,7 @@ class DeclaredScene:
 
     @property
     def obstacles(self) -> Obstacles:
-        """The same as obstacles that stand."""
+        """The solids of the scene as obstacles that stand."""
         none = Obstacles.none()
         return Obstacles(
             none.centres, none.radii, none.velocities, self.solids, np.zeros((len(self.solids), 3)), none.cloud

@@ -20,6 +20,7 @@ from geodesic_motion_ros.planning.arm_in_scene import ArmInScene
 from geodesic_motion_ros.planning.detour_band import Band, drawn_tight
 from geodesic_motion_ros.planning.detour_frame import DemonstratedSpread, DetourFrame, demonstrated_mode, deviations
 from geodesic_motion_ros.planning.detour_search import LatticePath, cheapest_detour
+from geodesic_motion_ros.planning.mission import Goal, Query
 from geodesic_motion_ros.planning.path_smoothing import resample_latent, smooth_latent
 from geodesic_motion_ros.planning.plan import ArmQuery, MotionState, PathEnds, Plan
 from geodesic_motion_ros.planning.seen_volume import SeenVolume
@@ -30,25 +31,52 @@ from geodesic_motion_ros.trajectory.trajectory import interpolated
 COVERED_END = "an obstacle covers where it would begin or end"
 #: Why there is none where there would be one if everything were seen.
 UNSEEN = "the arm would enter what is not seen"
-#: A band is smoothed by so many of its points; by fewer where that cuts a corner too short.
+#: Widths [points] by which a band is smoothed: the second where the first cuts a corner too short.
 SMOOTHINGS = (1.5, 0.5)
-#: A path of the lattice is sampled so often [rad], and smoothed by so many of these samples.
+#: Distance between two samples of a path of the lattice that is smoothed [rad].
 _LATTICE_STEP = 0.05
+#: Widths [samples] by which such a path is smoothed, in the order in which they are tried.
 LATTICE_SMOOTHINGS = (6.0, 3.0, 1.0)
 
 
 @dataclass(frozen=True, eq=False)
-class Detour:
-    """A path that leaves what was demonstrated.
+class DetourRequest:
+    """The search of a detour that is wanted: from where to which goal, among which obstacles, and how far off.
 
     Attributes
     ----------
-    query : between whose start and goal it leads.
-    base : (k, eta) the base path that it leaves [rad].
-    configurations : (m, eta) [rad]. latent : (m, d) latent points of the base path beside them.
-    displacement : largest one of the tool [m]. swivel : largest one of the arm [rad]. deviation : largest Mahalanobis
-        distance of a displacement from what was demonstrated. cost : of the lattice's path; evaluated : its nodes that
-        were.
+    query : the query on which the arm stopped. position : (eta,) where the arm stands [rad].
+    reach : how far the tool may leave what was demonstrated [m].
+    """
+
+    query: Query
+    goal: Goal
+    obstacles: Obstacles
+    reach: float
+    position: np.ndarray
+
+    def is_same(self, other: DetourRequest) -> bool:
+        """Whether another request has the same answer."""
+        unchanged = self.is_between_same(other) and self.obstacles.is_static_and_unchanged(other.obstacles)
+        return unchanged and self.reach == other.reach
+
+    def is_between_same(self, other: DetourRequest) -> bool:
+        """Whether another request is for the same place and the same goal."""
+        return self.goal is other.goal and np.array_equal(self.position, other.position)
+
+
+@dataclass(frozen=True, eq=False)
+class Detour:
+    """A path that leaves what was demonstrated to pass around obstacles, and how far it does; certified by its planner.
+
+    Attributes
+    ----------
+    query : the detour leads between its start and its goal.
+    base : (k, eta) the base path that the detour leaves [rad].
+    configurations : (m, eta) the detour [rad]. latent : (m, d) latent points of the base path beside them.
+    displacement : the largest displacement of the tool [m]. swivel : the largest swivel of the arm [rad].
+    deviation : the largest Mahalanobis distance of a displacement from what was demonstrated.
+    cost : of the lattice's path. evaluated : how many nodes of the lattice the search evaluated.
     """
 
     query: PathEnds
@@ -65,7 +93,7 @@ class Detour:
     def along_band(
         cls, query: PathEnds, frame: DetourFrame, path: LatticePath, band: Band, smoothing: float = SMOOTHINGS[0]
     ) -> Detour:
-        """A path of the lattice as a band has drawn it tight, smoothed by so many of its points."""
+        """The detour along a band, which has drawn a path of the lattice tight; smoothing : width [points]."""
         return cls(
             query, frame.configurations, smooth_latent(band.configurations, smoothing), band.latent,
             float(np.max(np.linalg.norm(band.displacements, axis=1))), float(np.max(np.abs(band.swivels))),
@@ -74,7 +102,7 @@ class Detour:
 
     @classmethod
     def along_lattice(cls, query: PathEnds, frame: DetourFrame, path: LatticePath, smoothing: float) -> Detour:
-        """A path of the lattice, smoothed by so many samples."""
+        """The detour along a path of the lattice itself; smoothing : width [samples]."""
         curve = smooth_latent(resample_latent(path.configurations, _LATTICE_STEP), smoothing)
         lengths = arc_length_fractions(path.configurations)
         latent = interpolated(np.linspace(0.0, 1.0, len(curve)), lengths, frame.latent[path.samples])
@@ -87,7 +115,7 @@ class Detour:
 
 
 class DetourPlanner:
-    """Searches detours on one skill, for any thread."""
+    """Finds detours on one skill, and plans their certified motions; any thread may call it."""
 
     def __init__(self, solver: Solver, spread: DemonstratedSpread | None = None) -> None:
         """spread : of the skill's demonstrations; None: it is worked out."""
@@ -95,7 +123,7 @@ class DetourPlanner:
         self._spread = spread or DemonstratedSpread.of(solver.skill, solver.robot)
 
     def with_solver(self, solver: Solver) -> DetourPlanner:
-        """The same on another solver of the skill."""
+        """A planner of detours with another solver of the skill."""
         return DetourPlanner(solver, self._spread)
 
     def frames(self, query: ArmQuery, obstacles: Obstacles) -> list[DetourFrame] | str:
@@ -134,10 +162,11 @@ class DetourPlanner:
         return UNSEEN if UNSEEN in refusals else refusals[-1]
 
     def beside(self, frame: DetourFrame, query: PathEnds, obstacles: Obstacles, reach: float) -> Detour | str:
-        """The same beside a base path: certified for an arm that begins at rest.
+        """The cheapest detour of up to `reach` [m] beside one base path, certified for an arm that begins at rest; or
+        why there is none.
 
-        The path of the lattice is drawn tight; where that is not certified, however it is smoothed, the path itself is
-        smoothed.
+        The path of the lattice is drawn tight and smoothed. Where that is not certified with any smoothing, the path of
+        the lattice itself is smoothed.
         """
         solver = self._solver
         swept = obstacles.swept(solver.settings.prediction).beside(solver.scene.solids)

@@ -26,8 +26,10 @@ from geodesic_motion_ros.planning.detour_search import LatticePath, nearness_fac
 from geodesic_motion_ros.planning.posture import solve_displaced
 from geodesic_motion_ros.trajectory.trajectory import interpolated
 
-#: Points of the band, so often [m], at first and then; rounds in which each of them is moved.
-_SPACINGS, _ROUNDS = (0.05, 0.03, 0.015), 15
+#: Distances between the points of the band [m], at first and then.
+_SPACINGS = 0.05, 0.03, 0.015
+#: Rounds in which each point is moved.
+_ROUNDS = 15
 #: A swivel counts as much as other turns of joints where points are spaced: between two of them nothing is judged.
 _SPACED_BY = np.array([1.0, 1.0, 1.0, 1.0, constants.DETOUR_METRES_PER_RADIAN / constants.DETOUR_METRES_PER_SWIVEL])
 #: A step by which the gradient of the clearance is measured [m].
@@ -38,7 +40,7 @@ _SHARES = (0.5, 0.1)
 
 @dataclass(frozen=True, eq=False)
 class Band:
-    """A detour of m points.
+    """A detour drawn tight: m points beside the base path, each with its displacement, swivel and configuration.
 
     Attributes
     ----------

@@ -47,7 +47,7 @@ class DemonstratedSpread:
 
     @classmethod
     def of(cls, skill: Skill, robot: Robot) -> DemonstratedSpread:
-        """Of the demonstrations that a skill was trained on, as it decodes them; in the frame of the skill."""
+        """The spread of the demonstrations on which a skill was trained, as it decodes them; in the skill's frame."""
         positions = _decoded_positions(skill, robot)
         modes = np.zeros(len(positions), dtype=int) if skill.canonical is None else skill.canonical.modes
         members = [positions[modes == mode] for mode in range(int(modes.max()) + 1)]

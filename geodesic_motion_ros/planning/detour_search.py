@@ -28,7 +28,7 @@ from geodesic_motion_ros.planning.detour_frame import DetourFrame
 from geodesic_motion_ros.planning.posture import solve_displaced
 from geodesic_motion_ros.planning.seen_volume import is_inside
 
-#: A node that so many neighbours do not reach is given up.
+#: A node is given up once this many neighbours do not reach it.
 _MOST_REFUSALS = 8
 #: Of costs.
 _ROUNDING = 1e-12

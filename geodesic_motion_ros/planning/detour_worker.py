@@ -36,8 +36,8 @@ class DetourWorker:
     """One thread that searches one detour after the other."""
 
     def __init__(self, delay: float | None = None) -> None:
-        """delay : results arrive so long [s] after they were requested, whatever the search takes: then what a planner
-        does is the same in every run, as tests and the benchmark want it. None: when they are there.
+        """delay : a result arrives this long [s] after its request, however long the search takes: then a planner does
+        the same in every run, as tests and the benchmark require. None: a result arrives when the search ends.
         """
         self._delay = delay
         self._executor = ThreadPoolExecutor(1, thread_name_prefix="detours")
@@ -53,7 +53,7 @@ class DetourWorker:
 
 
 def _explained(search: Search) -> Detour | str:
-    """What a search comes to; an error in it must not end ticks that go on without a detour."""
+    """The result of a search; an error in it becomes a reason, as ticks must go on without a detour."""
     try:
         return search()
     except Exception as error:

@@ -1,7 +1,7 @@
-"""Evasion targets: places nearby that nothing is expected to come to, on a skill's graph and beside it, and the paths
-there.
+"""Evasion targets: places nearby to which no obstacle is expected to come, on a skill's graph and beside it, and the
+paths there, for every kind of skill.
 
-For every kind of skill. When an arm evades is for `evasion`, and whether a path is free in motion for the certificate.
+`evasion` decides when an arm evades, and the certificate whether a path is free in motion.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from itertools import product
 import numpy as np
 
 from geodesic_motion_ros.manifold.latent_graph import LatentGraph
-from geodesic_motion_ros.manifold.obstacle_weights import Reshaping, evaluate_nodes
+from geodesic_motion_ros.manifold.obstacle_weights import NodeEvaluation, evaluate_nodes
 from geodesic_motion_ros.manifold.shortest_path import shortest_free_path
 from geodesic_motion_ros.planning import settings as constants
 from geodesic_motion_ros.planning.arm_in_scene import ArmInScene, clearance_at
@@ -25,11 +25,11 @@ _STEPS = 3
 
 
 def paths_to_targets(
-    graph: LatentGraph, query: SearchQuery, start: np.ndarray, reshaping: Reshaping, steps: int, apart: float
+    graph: LatentGraph, query: SearchQuery, start: np.ndarray, evaluation: NodeEvaluation, steps: int, apart: float
 ) -> Iterator[LatentPath]:
     """Paths from a latent point (d,) to evasion targets, one in each direction, the nearest first.
 
-    reshaping : where obstacles are expected to be, all at once; apart : a target's clearance from that, at least [m].
+    evaluation : where obstacles are expected to be, all at once; apart : a target's clearance from that, at least [m].
     steps : targets are no more grid steps away.
     """
     near = graph.nodes_near(start, steps)
@@ -37,8 +37,8 @@ def paths_to_targets(
     if len(near) == 0:
         return
     source, near = int(near[0]), np.ascontiguousarray(near[:: 1 + len(near) // constants.EVASION_NODES])
-    evaluate_nodes(near, reshaping)
-    free = near[reshaping.clearance[near] >= apart]
+    evaluate_nodes(near, evaluation)
+    free = near[evaluation.clearance[near] >= apart]
     directions = _in_all_directions(free, (graph.latent[free] - start) / graph.grid.spacing)
     for target in directions[:constants.EVASION_TARGETS]:
         # By the triangle inequality a node is no nearer to the target than their costs from the start, or to the goal,
@@ -86,7 +86,7 @@ def _displacements(joints: int) -> list[tuple[np.ndarray, float]]:
 
 
 def _in_all_directions(nodes: np.ndarray, away: np.ndarray) -> list[int]:
-    """Of nodes (n,) at offsets away (n, d), the nearest first, those of which none lies behind another one."""
+    """Those of some nodes (n,), at offsets away (n, d), of which none lies behind another; the nearest first."""
     lengths = np.linalg.norm(away, axis=1)
     nodes, away = nodes[lengths > 0.0], away[lengths > 0.0] / lengths[lengths > 0.0, None]
     chosen: list[int] = []

@@ -12,13 +12,12 @@ from geodesic_motion_ros.geometry.task_frame import TaskFrame
 from geodesic_motion_ros.manifold.pose_graph import PoseGraph
 from geodesic_motion_ros.obstacles.obstacles import Obstacles
 from geodesic_motion_ros.planning import settings as constants
-from geodesic_motion_ros.planning.attempt_memory import DetourRequest
 from geodesic_motion_ros.planning.configuration_query import ConfigurationQueryBuilder
-from geodesic_motion_ros.planning.detour import COVERED_END, Detour, DetourPlanner, without_detour
+from geodesic_motion_ros.planning.detour import COVERED_END, Detour, DetourPlanner, DetourRequest, without_detour
 from geodesic_motion_ros.planning.mission import Goal, GoalRequest, Query
 from geodesic_motion_ros.planning.plan import MotionState, Plan
+from geodesic_motion_ros.planning.played import Followed
 from geodesic_motion_ros.planning.pose_query import Pose
-from geodesic_motion_ros.planning.situation import Followed
 from geodesic_motion_ros.planning.solver import Solver
 from geodesic_motion_ros.planning.status import Verdict, VerdictCode
 from geodesic_motion_ros.planning.tool_query import ToolQueryBuilder
@@ -28,11 +27,11 @@ from geodesic_motion_ros.robot.held_objects import HeldObject
 
 @dataclass(frozen=True, eq=False)
 class GuardedArm:
-    """All of a planner that depends on which spheres are kept away from obstacles.
+    """The parts of a planner that depend on the arm's collision spheres: what the hand holds replaces them all.
 
     Attributes
     ----------
-    empty : the spheres of the arm whose hand holds nothing. objects : what it holds. collision : the spheres of both.
+    empty : the spheres of the arm alone. objects : what its hand holds. collision : the spheres of both together.
     """
 
     empty: CollisionModel
@@ -75,7 +74,7 @@ class GuardedArm:
         return self.queries.start_by_pose(pose)
 
     def goal(self, request: GoalRequest, frame: TaskFrame) -> Goal | Verdict:
-        """What the skill has to go to, or why the request is refused; frame : the task frame."""
+        """The goal of a request, or why the request is refused; frame : the task frame."""
         if request.configuration is not None:
             return self.queries.goal_by_configuration(request.configuration, frame)
         assert request.pose is not None
@@ -92,7 +91,9 @@ class GuardedArm:
         return self.queries.goal_by_pose(pose, frame)
 
     def query_from(self, state: MotionState, followed: Followed | None, goal: Goal) -> Query | Verdict:
-        """From where a stream is on its path, so that it goes on smoothly; anew where it stands at an end of it."""
+        """The query to a goal from where the stream is: the followed one redirected, so that the motion goes on
+        smoothly; a new one where the arm is at an end of its path.
+        """
         if followed is not None and state.latent is not None:
             query = self.queries.redirected(followed.query, state.position, state.latent, goal)
             if query is not None:
@@ -100,8 +101,8 @@ class GuardedArm:
         return self.queries.build(state.position, goal)
 
     def plan_from_rest(self, start: np.ndarray, goal: Goal, obstacles: Obstacles, reach: float) -> Plan:
-        """From rest in a configuration (eta,) [rad] to a goal; where there is no path, by a detour of up to a reach
-        [m].
+        """The plan from rest in a configuration (eta,) [rad] to a goal; where there is no path, along a detour of up
+        to a reach [m].
         """
         query = self.queries.build(start, goal)
         if isinstance(query, Verdict):

@@ -30,7 +30,7 @@ _DIE_WITH_PARENT = 1  # PR_SET_PDEATHSIG of linux/prctl.h
 
 
 class Turns:
-    """Stands between numba and its dispatchers, for the two things above.
+    """Lets several processes take turns at compiling kernels, by patching numba's dispatchers.
 
     turns : a file that the workers share. done : called with the name of each kernel that has been compiled or read.
     """

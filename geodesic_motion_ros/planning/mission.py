@@ -1,4 +1,4 @@
-"""What a planner plans for: where the arm is to go (`Mission`), and what was received (`Inputs`)."""
+"""The inputs of a planner: where the arm is to go (`Mission`), and the world as it was received (`Inputs`)."""
 
 from __future__ import annotations
 
@@ -15,13 +15,15 @@ from geodesic_motion_ros.planning.tool_query import ToolGoal, ToolQuery
 from geodesic_motion_ros.planning.tracking import Tracking
 
 Goal = ConfigurationGoal | ToolGoal
+#: The queries of a tick; `plan.py` explains which of all query types stands where.
 Query = ConfigurationQuery | ToolQuery
 
 
 @dataclass(frozen=True, eq=False)
 class GoalRequest:
-    """A goal as it was requested: a pose, in the base frame or the task frame, with which it then moves; or a
-    configuration (eta,) [rad].
+    """A goal as it was requested: a tool pose, or a configuration (eta,) [rad].
+
+    in_task_frame : the pose is given in the task frame, and moves with it; else in the base frame.
     """
 
     pose: Pose | None = None
@@ -31,27 +33,32 @@ class GoalRequest:
 
 @dataclass(frozen=True, eq=False)
 class PreparedGoal:
-    """A goal that is not refused, the task frame that it is of, and the graph carried to it from where the stream was;
-    None: that was not known, or there is no path.
+    """A goal that was accepted, with the work done that takes time: any thread prepares one, a tick only takes it.
 
-    `stands` tells how often the arm had been said to stand somewhere by then.
+    Attributes
+    ----------
+    frame : the task frame for which the goal was prepared.
+    query : the query to it from where the stream was; None: that was not known, or there is none.
+    generation : of the planner when the query was made; with another one the query is stale.
     """
 
     request: GoalRequest
     frame: TaskFrame
     goal: Goal
     query: Query | None
-    stands: int
+    generation: int
 
 
 @dataclass(frozen=True, eq=False)
 class Mission:
-    """Where the arm is to go.
+    """Where the arm is to go: the goal that was requested, and the goal that ticks plan to.
 
     Attributes
     ----------
-    requested : the newest goal. active : the same, or the one before while the newest is hardly elsewhere and the arm
-        moves. query : the graph carried to the active one; None: not yet.
+    requested : the newest goal.
+    active : the goal that ticks plan to: the newest, or the one before, while the arm moves and the newest is less than
+        `NEAR_GOAL` from it.
+    query : to the active goal; None: it has none yet.
     """
 
     requested: PreparedGoal | None = None
@@ -59,7 +66,7 @@ class Mission:
     query: Query | None = None
 
     def activated(self, prepared: PreparedGoal, query: Query | None) -> Mission:
-        """With a goal as the active one."""
+        """The mission with a prepared goal, and its query, as the active one."""
         if self.active is not None and prepared.goal.is_same(self.active.goal):
             return self
         return replace(self, active=prepared, query=query)
@@ -67,8 +74,9 @@ class Mission:
 
 @dataclass(frozen=True, eq=False)
 class Inputs:
-    """What was received: obstacles, and how far [m] they may be from there; how the arm follows; the task frame.
+    """The world as it was received: obstacles, the errors of their positions, the arm's tracking, the task frame.
 
+    position_error : the setting `obstacle_position_error` [m].
     unchanged_since : since when the obstacles have been the same, at the same places [s].
     """
 
@@ -79,14 +87,16 @@ class Inputs:
     unchanged_since: float = 0.0
 
     def with_obstacles(self, obstacles: Obstacles, now: float) -> Inputs:
-        """With those that are received at a time [s] in the place of the ones before."""
-        since = self.unchanged_since if self.obstacles.is_unchanged(obstacles) else now
+        """The inputs with the obstacles that are received at `now` [s], in the place of those before."""
+        since = self.unchanged_since if self.obstacles.is_static_and_unchanged(obstacles) else now
         return replace(self, obstacles=obstacles, unchanged_since=since)
 
     @cached_property
     def enlarged(self) -> Obstacles:
-        """The obstacles as large as they are taken to be: larger by how far they may be from where they were received
-        and the arm's links off the path; and, where they move, covering where they are until an arm that lags has come.
+        """The obstacles as every search and certificate counts them.
+
+        Each is larger by its position error and by the arm's tracking error. A moving one also covers all places where
+        it is within the arm's lag: an arm that is late passes there later.
         """
         larger = self.obstacles.enlarged(self.position_error + self.tracking.error)
         return larger.throughout(self.tracking.lag)

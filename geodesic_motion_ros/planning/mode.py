@@ -1,4 +1,4 @@
-"""Mode: what the arm does after a tick, and which modes may follow each other."""
+"""Purpose: what a motion is for. Mode: what the arm does after a tick, and which modes may follow each other."""
 
 from __future__ import annotations
 
@@ -7,8 +7,17 @@ from enum import Enum
 from geodesic_motion_ros.planning.status import Verdict, VerdictCode
 
 
+class Purpose(Enum):
+    """The purpose that a motion is planned for."""
+
+    GOAL = "goal"  # a certified path to the goal
+    EVASION = "evasion"  # to make room for an obstacle that comes to where the arm stands or stops
+    APPROACH = "approach"  # to come as near to a covered goal as is free
+    STOP = "stop"  # to come to rest, no more
+
+
 class Mode(Enum):
-    """What the arm does."""
+    """The activity of the arm after a tick, as `~/status` states it."""
 
     IDLE = "idle"  # it stands, and there is no goal
     FOLLOWING = "following"  # it is on a certified path to the goal, or there
@@ -24,17 +33,16 @@ class Mode(Enum):
         return self in (Mode.IDLE, Mode.WAITING, Mode.HOLDING)
 
     @classmethod
-    def moving(cls, leads_to_goal: bool, approaching: bool, evading: bool) -> Mode:
-        """Of an arm that moves."""
-        if leads_to_goal:
-            return cls.FOLLOWING
-        if approaching:
-            return cls.APPROACHING
-        return cls.EVADING if evading else cls.STOPPING
+    def moving(cls, purpose: Purpose) -> Mode:
+        """The mode of an arm whose motion has a purpose."""
+        return {
+            Purpose.GOAL: cls.FOLLOWING, Purpose.APPROACH: cls.APPROACHING, Purpose.EVASION: cls.EVADING,
+            Purpose.STOP: cls.STOPPING,
+        }[purpose]  # fmt: skip
 
     @classmethod
     def standing(cls, verdict: Verdict) -> Mode:
-        """Of an arm that stands, with the verdict of the tick."""
+        """The mode of an arm that stands, with the verdict of the tick."""
         if verdict.ok:
             return cls.FOLLOWING
         if verdict.code is VerdictCode.NO_GOAL:

@@ -57,7 +57,7 @@ def _filtered(points: np.ndarray, weights: np.ndarray) -> np.ndarray:
 
 
 def smooth_poses(positions: np.ndarray, quaternions: np.ndarray, width: float) -> tuple[np.ndarray, np.ndarray]:
-    """The same for a pose curve (n, 3), (n, 4) in one hemisphere; rotations between neighbours must be small."""
+    """`smooth_latent` for a pose curve (n, 3), (n, 4) in one hemisphere; rotations between neighbours must be small."""
     smooth = smooth_latent(np.concatenate([positions, quaternions], axis=1), width)
     return np.ascontiguousarray(smooth[:, :3]), normalise(smooth[:, 3:])
 

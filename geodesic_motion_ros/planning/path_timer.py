@@ -1,6 +1,6 @@
 """PathTimer: a path through a latent graph -> a motion of the arm that begins in the state in which it takes over.
 
-The path is smoothed, decoded and carried to its query, smoothed again as configurations, moved so that it meets its
+The path is smoothed, decoded and transported to its query, smoothed again as configurations, moved so that it meets its
 ends exactly, and given the soonest times that the limits of the joints and of the tool allow
 (`trajectory.timing.timed_joint_reference`).
 """
@@ -28,15 +28,15 @@ from geodesic_motion_ros.trajectory.limited_tool import LimitedTool
 from geodesic_motion_ros.trajectory.timing import timed_joint_reference
 from geodesic_motion_ros.trajectory.trajectory import JointReference
 
-#: So many motions from one state are remembered.
+#: Motions from one state that are remembered, at most.
 _MOST_REMEMBERED = 32
 
 
 @dataclass(frozen=True)
 class TimedPath:
-    """A path smoothed into a latent curve (m, d), decoded and timed; or why it is not, without a reference.
+    """A path with times: smoothed into a latent curve (m, d), decoded and timed; without a reference, why it has none.
 
-    correction : how far its ends were moved [rad].
+    objection : why it has none. correction : how far the ends of the path were moved [rad].
     """
 
     latent: np.ndarray
@@ -53,7 +53,7 @@ class TimedPath:
 
 
 class _Kept(NamedTuple):
-    """What was timed of one query from one state of motion: an arm that waits finds the same paths again and again."""
+    """The motions timed for one query from one state of motion: an arm that waits finds the same paths each time."""
 
     query: ArmQuery
     state: MotionState

@@ -1,4 +1,18 @@
-"""What a solver is asked for, and what it answers: queries of an arm, states of motion, plans."""
+"""The inputs and the answers of a solver: queries of an arm, states of motion, plans.
+
+A query is a start, a goal, and the latent graph transported to them. Which type stands where:
+
+    skill learned from         built by                     query in a tick        module
+    joint configurations       ConfigurationQueryBuilder    ConfigurationQuery     configuration_query.py
+    tool poses                 ToolQueryBuilder             ToolQuery              tool_query.py
+      `- made of               PoseQueryBuilder             PoseQuery              pose_query.py
+
+`ConfigurationQuery` and `PoseQuery` share the fields of `TransportedQuery` (transported_query.py). `mission.Query` is
+either of the two queries of a tick. The other names are protocols, which say what a function requires of a query:
+`SearchQuery` a graph with costs, `RefinedQuery` also the metric between its nodes (search.py), `PathEnds` two
+configurations, `ArmQuery` all of these, with nodes that are configurations. Without an arm, `PoseQuery` is used alone
+(pose_path.py).
+"""
 
 from __future__ import annotations
 
@@ -15,8 +29,9 @@ from geodesic_motion_ros.trajectory.trajectory import JointReference
 
 
 class PathEnds(Protocol):
-    """Configurations (eta,) [rad] between which a path leads; misfits : how far they are from those of the skill, by
-    their names in a Verdict.
+    """The configurations (eta,) [rad] between which a path leads.
+
+    misfits : the endpoint errors, how far both are from what the skill demonstrates, by their names in a `Verdict`.
     """
 
     start: np.ndarray
@@ -25,11 +40,11 @@ class PathEnds(Protocol):
 
 
 class ArmQuery(RefinedQuery, PathEnds, Protocol):
-    """A `RefinedQuery` whose nodes are configurations of an arm of eta joints.
+    """The query that a solver plans for: a graph whose nodes are configurations of an arm of eta joints.
 
     Attributes
     ----------
-    start_latent : (d,) latent point that is carried onto the start.
+    start_latent : (d,) latent point that is transported onto the start.
     """
 
     start_latent: np.ndarray
@@ -53,15 +68,16 @@ class ArmQuery(RefinedQuery, PathEnds, Protocol):
 
 @dataclass(frozen=True)
 class Plan:
-    """Answer of one planning step.
+    """What the arm is to play from `begin` on, and why: the answer of `tick`, `stop`, `plan` and of every search.
 
     Attributes
     ----------
-    trajectory : what is to be played from `begin` on, in the place of everything before; None: what is being played
-        stays, or the arm stands.
-    begin : time of its first knot [s].
-    verdict : OK comes with a path to the goal. With any other verdict the trajectory is a stop, evades, or approaches.
-    path : through the graph, where the first attempt found it.
+    trajectory : it replaces everything that is played from `begin` on. None, of a tick: no change, the arm plays on, or
+        stands. None, of a search or of `plan`: none was found, and the verdict states why.
+    begin : time of the trajectory's first knot [s].
+    verdict : OK: the arm has a certified path to the goal. With every other verdict a trajectory is a stop, an evasion
+        or an approach.
+    path : the path through the graph, where the first attempt found it.
     optimistic : as of `Attempt`.
     mode : what the arm does after the tick.
     """
@@ -86,7 +102,7 @@ class Plan:
 
 @dataclass(frozen=True)
 class MotionState:
-    """State of motion in which a new reference takes over, at `time` [s]: (eta,) each, and its latent point (d,)."""
+    """The state of motion (eta,) in which a new trajectory takes over at `time` [s], and its latent point (d,)."""
 
     time: float
     position: np.ndarray
@@ -95,7 +111,7 @@ class MotionState:
     latent: np.ndarray | None
 
     def after(self, stop: JointReference) -> MotionState:
-        """At rest, where a stop from here ends."""
+        """The state of rest where a stop from this state ends."""
         still = np.zeros_like(self.position)
         latent = None if self.latent is None else stop.latent_at(stop.duration)
         return MotionState(self.time + stop.duration, stop.positions[-1], still, still, latent)
@@ -103,8 +119,9 @@ class MotionState:
 
 @dataclass(frozen=True)
 class Approach:
-    """A plan that leads towards a covered goal, and what it leaves of the path there [m]: of the arm's spheres, of the
-    one that moves farthest.
+    """A plan that leads towards a covered goal, and how much of the path there it leaves [m].
+
+    remaining : a length of the path of the arm's sphere that moves farthest.
     """
 
     plan: Plan

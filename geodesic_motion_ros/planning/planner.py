@@ -1,11 +1,11 @@
 """ReactivePlanner: goal, obstacles and the time -> what the arm plays and the verdict, once per tick. Knows nothing of
 ROS.
 
-One planner of configurations for every kind of skill: how a node of the latent graph gets its configuration is for
-`configuration_query` (skills of configurations) and `tool_query` (skills of tool poses). The planner owns what was
-received and the stream (`stream`): it plans from the state of motion in which a new trajectory takes over from the one
-that is being played. A trajectory is certified for the whole arm, against obstacles that move on linearly for a while,
-before it is handed out.
+One planner of configurations serves every kind of skill: `configuration_query` (skills of configurations) and
+`tool_query` (skills of tool poses) give each node of the latent graph its configuration. The planner owns its inputs
+and the stream (`stream`): it plans from the state of motion in which a new trajectory takes over from the one that is
+being played. A trajectory is certified for the whole arm, against obstacles that move on linearly for the setting
+`prediction`, before it is handed out.
 
 A tick works out its `Situation` once, decides without changing anything (`decision`), and commits that in one place.
 """
@@ -52,16 +52,16 @@ from geodesic_motion_ros.trajectory.trajectory import JointReference
 from geodesic_motion_ros.utils.deadline import NEVER, Deadline
 from geodesic_motion_ros.utils.errors import PlanningError, RobotError
 
-#: A detour arrives so long after it was requested [s] where no other worker is given.
+#: The time from the request of a detour to its arrival [s], where no other worker is given.
 DETOUR_DELAY = 0.15
 
 
 class ReactivePlanner:
-    """Plans on one skill: set a goal, set obstacles, tick.
+    """Plans certified motions of one arm with one skill, as a stream: set a goal, set obstacles, tick.
 
-    `tick`, `stop`, `stand_at` and what sets, takes or clears the goal are called by one thread. `plan` and what
-    prepares a goal answer on their own, from any thread. Obstacles are replaced as a whole. Poses and obstacles are of
-    the base frame, all times are of one clock, the caller's.
+    One thread calls `tick`, `stop`, `stand_at`, and the methods that set, take or clear a goal. Any thread may call
+    `plan`, and the methods that prepare a goal. Obstacles are replaced as a whole. Poses and obstacles are of the base
+    frame, all times are of one clock, the caller's.
 
     Example
     -------
@@ -104,8 +104,10 @@ class ReactivePlanner:
         # How far a detour may lead [m]; any thread may set it.
         self._reach = self.settings.detour if self.may_detour else 0.0
         self._mission, self._memory = Mission(), AttemptMemory()
-        # The time of the newest tick [s], and how often the arm was said to stand somewhere, or to hold something.
-        self._ticked, self._stands = 0.0, 0
+        # The time of the newest tick [s].
+        self._ticked = 0.0
+        # It counts up when prepared goals become stale: the arm stands elsewhere, or holds other objects.
+        self._generation = 0
         # On a copy with a stream of its own, for this one has not begun.
         trial = copy.copy(self)
         trial._stream = Stream(solver.certifier)
@@ -124,19 +126,19 @@ class ReactivePlanner:
     # ---------------------------------------------------------------- inputs
 
     def set_goal(self, position: np.ndarray, quaternion: np.ndarray, in_task_frame: bool = False) -> Verdict:
-        """Request a goal pose of the tool, (3,) [m] and (4,): `take_goal` what was prepared."""
+        """Request a goal pose of the tool, (3,) [m] and (4,): prepare the goal and take it (`take_goal`)."""
         return self.take_goal(self.prepared_goal(position, quaternion, in_task_frame))
 
     def set_goal_configuration(self, configuration: np.ndarray) -> Verdict:
-        """Request a goal configuration (eta,) [rad]; as `set_goal`. With a skill of tool poses the pose of its tool
-        counts: the posture there follows from the start.
+        """Request a goal configuration (eta,) [rad]; as `set_goal`. With a skill of tool poses only the tool's pose in
+        that configuration is the goal: the posture there follows from the start.
         """
         return self.take_goal(self.prepared_configuration(configuration))
 
     def prepared_goal(
         self, position: np.ndarray, quaternion: np.ndarray, in_task_frame: bool = False
     ) -> PreparedGoal | Verdict:
-        """All that takes time of requesting a goal pose: any thread may do it while another one ticks.
+        """Do the work that takes time of requesting a goal pose: any thread may do it while another one ticks.
 
         BAD_INPUT, GOAL_OUT_OF_SUPPORT or IN_COLLISION where the goal is refused.
 
@@ -164,14 +166,14 @@ class ReactivePlanner:
         return self._prepared(requested.request, self._inputs.frame)
 
     def _prepared(self, request: GoalRequest, frame: TaskFrame) -> PreparedGoal | Verdict:
-        """The goal with the graph carried to it from where the stream is about to be, so that ticks remain short."""
+        """The goal with its query from where the stream is about to be, so that ticks remain short."""
         goal = self._arm.goal(request, frame)
         if isinstance(goal, Verdict):
             return goal
         # The thread that ticks may replace these meanwhile.
-        stands, played, followed = self._stands, self._stream.played, self._stream.followed
+        generation, played, followed = self._generation, self._stream.played, self._stream.followed
         active = self._mission.active
-        prepared = PreparedGoal(request, frame, goal, None, stands)
+        prepared = PreparedGoal(request, frame, goal, None, generation)
         if played is None or (active is not None and goal.is_same(active.goal)):
             return prepared
         state = played.state_at_switch(self._ticked + self.settings.latency, followed)
@@ -179,16 +181,18 @@ class ReactivePlanner:
         return prepared if isinstance(found, Verdict) else replace(prepared, query=found)
 
     def take_goal(self, prepared: PreparedGoal | Verdict) -> Verdict:
-        """Make a prepared goal the one that ticks plan to: where it is hardly elsewhere, once the arm rests. Where it
-        was refused the old goal stays, and the refusal is returned; the reason of an OK verdict states how the
-        configuration was chosen.
+        """Make a prepared goal the one that ticks plan to.
+
+        If it differs from the present goal by less than `NEAR_GOAL`, 2 mm and 0.01 rad, the switch waits until the arm
+        rests. If it was refused, the present goal stays, and the refusal is returned. The reason of an OK verdict
+        states how the goal configuration was chosen.
         """
         if isinstance(prepared, Verdict):
             return prepared
         mission = replace(self._mission, requested=prepared)
         if mission.active is None or mission.query is None or not prepared.goal.is_near(mission.active.goal):
-            # What was carried from where the arm no longer is has to be carried anew.
-            mission = mission.activated(prepared, prepared.query if prepared.stands == self._stands else None)
+            # A stale query begins where the arm is no more.
+            mission = mission.activated(prepared, prepared.query if prepared.generation == self._generation else None)
         self._mission = mission
         return Verdict(VerdictCode.OK, f"goal: {prepared.goal.stated}")
 
@@ -207,7 +211,9 @@ class ReactivePlanner:
         return self.take_goal(prepared)
 
     def move_task_frame(self, position: np.ndarray, quaternion: np.ndarray) -> Verdict:
-        """`set_task_frame` that leaves the goal to be `prepared_again`, which takes time, and taken."""
+        """`set_task_frame` without the goal: the caller prepares it again (`prepared_again`), which takes time, and
+        takes it.
+        """
         pose, reason = checked_pose("task frame", position, quaternion)
         if pose is None:
             return Verdict(VerdictCode.BAD_INPUT, reason)
@@ -238,13 +244,13 @@ class ReactivePlanner:
 
     @property
     def obstacles(self) -> Obstacles:
-        """Those that were taken last."""
+        """The obstacles that were received last."""
         return self._inputs.obstacles
 
     def take_obstacles(self, obstacles: Obstacles) -> Verdict:
-        """Replace all obstacles by others of every kind, in the base frame.
+        """Replace all obstacles, of every kind, by others in the base frame.
 
-        BAD_INPUT names the first that is none; then the old ones stay.
+        BAD_INPUT names the first obstacle that is not valid; then the old ones stay.
         """
         objection = obstacles.objection()
         if objection:
@@ -254,12 +260,12 @@ class ReactivePlanner:
 
     @property
     def tracking(self) -> Tracking:
-        """How the arm follows what it is sent, as it counts."""
+        """How the arm follows its commands, rounded up as certificates count it."""
         return self._inputs.tracking
 
     def set_tracking(self, tracking: Tracking) -> None:
-        """Say how the arm follows what it is sent: what is played is certified again for an arm that is late by up to
-        that lag, and with so much more clearance; both are rounded up, to `LAG_STEP` and `TRACKING_ERROR_STEP`.
+        """Say how the arm follows its commands: from now on certificates hold for an arm that is late by up to that
+        lag, and off its path by up to that error. Both are rounded up, to `LAG_STEP` and `TRACKING_ERROR_STEP`.
         """
         rounded = tracking.rounded_up()
         if rounded != self._inputs.tracking:
@@ -280,11 +286,11 @@ class ReactivePlanner:
         return Verdict(VerdictCode.OK)
 
     def hold(self, objects: Sequence[HeldObject]) -> Verdict:
-        """Say what the hand holds from now on, all of it; nothing: (). `take_hold` what was prepared."""
+        """Say what the hand holds from now on, all of it; nothing: (). Prepares the objects and takes them."""
         return self.take_hold(self.prepared_hold(objects))
 
     def prepared_hold(self, objects: Sequence[HeldObject]) -> PreparedHold | Verdict:
-        """All that takes time of holding other objects: any thread may do it while another one ticks.
+        """Do the work that takes time of holding other objects: any thread may do it while another one ticks.
 
         BAD_INPUT where two objects have one name, or one is larger than the arm.
         """
@@ -297,14 +303,16 @@ class ReactivePlanner:
         return PreparedHold(arm, before, None if isinstance(query, Verdict) else query)
 
     def take_hold(self, prepared: PreparedHold | Verdict) -> Verdict:
-        """Count prepared objects from the next tick on: it judges what is being played anew, with them. What was found
-        with those held before is forgotten. Where they were refused nothing changes, and the refusal is returned.
+        """Count prepared objects from the next tick on, which certifies the motion anew with them.
+
+        Attempts and detours with the objects held before are forgotten. If the objects were refused, nothing changes,
+        and the refusal is returned.
         """
         if isinstance(prepared, Verdict):
             return prepared
         self._arm = prepared.arm
-        # What was carried meanwhile counts what was held before.
-        self._stands += 1
+        # A query that is being prepared counts the objects held before.
+        self._generation += 1
         query = prepared.query if self._mission.query is prepared.before else None
         self._mission, self._memory = replace(self._mission, query=query), AttemptMemory()
         played, followed = self._stream.played, self._stream.followed
@@ -312,13 +320,13 @@ class ReactivePlanner:
         if played is not None:
             self._stream.certify_anew(self._judged(played.reference, played.begin))
         if followed is not None:
-            carried = query if followed.query is prepared.before and query is not None else followed.query
-            self._stream.followed = replace(followed, query=carried, obstacles=None, path=None, rejected=None)
+            same = query if followed.query is prepared.before and query is not None else followed.query
+            self._stream.followed = replace(followed, query=same, obstacles=None, path=None, rejected=None)
         names = ", ".join(held.name for held in self.held)
         return Verdict(VerdictCode.OK, f"holding {names or 'nothing'}")
 
     def stand_at(self, configuration: np.ndarray, now: float) -> Plan:
-        """The arm stands in a configuration (eta,) [rad] at `now` [s]: what was played is forgotten, the goal is not.
+        """Begin the stream anew: the arm stands in a configuration (eta,) [rad] at `now` [s]. The goal stays.
 
         The plan's reference stays there. BAD_INPUT names the joint that is not finite or outside its limits; then
         nothing changes.
@@ -329,13 +337,13 @@ class ReactivePlanner:
         standing = JointReference.standing(configuration, np.zeros(self.graph.latent.shape[1]))
         trajectory = self._judged(standing, now)
         self._ticked = now
-        self._stands += 1
+        self._generation += 1
         self._stream.stand(trajectory, now)
         self._mission, self._memory = replace(self._mission, query=None), AttemptMemory()
         return Plan(trajectory, now, Verdict(VerdictCode.OK))
 
     def _judged(self, reference: JointReference, begin: float) -> JudgedTrajectory:
-        """What the arm does anyway from a time [s] on, with an honest certificate."""
+        """A motion that the arm makes anyway, from a time [s] on, with its certificate, whatever that states."""
         certifier, prediction = self._arm.solver.certifier, self.settings.prediction
         certificate = certifier.certify(reference, self._inputs.enlarged.at(begin, prediction), prediction)
         return certifier.judged(reference, certificate)
@@ -353,29 +361,30 @@ class ReactivePlanner:
         return self._stream.commanded(time)
 
     def playing(self, now: float) -> tuple[JointReference, float] | None:
-        """What is being played from its last knot at or before `now` [s] on, and the time of that; None where that is
-        not known, or over.
+        """The rest of the motion that is being played, from its last knot at or before `now` [s] on, and the time of
+        that knot; None where no motion is known, or it is over.
         """
         return self._stream.playing(now)
 
     def braked(self, reference: JointReference, begin: float, verdict: Verdict) -> None:
-        """The arm does not play what it was to play, but a reference that begins at a time [s] and is a stop: say why.
+        """Record that the arm fell back to the stop at the end of what was sent: a reference that begins at a time [s].
 
-        The next tick plans on from there.
+        verdict : why. The next tick plans on from that stop.
         """
         self._stream.braked(self._judged(reference, begin), begin, verdict)
 
     def to_goal(self) -> tuple[JointReference, float] | None:
-        """What is being played and the time of its first knot [s], where it leads to the goal."""
+        """The motion that is being played and the time of its first knot [s]; None where it leads to no goal."""
         return self._stream.to_goal()
 
     def tick(self, now: float, deadline: Deadline = NEVER, handover_deadline: Deadline = NEVER) -> Plan:
-        """One step of the stream at `now` [s]: what is to be played, and the verdict.
+        """One step of the stream at `now` [s]: what is to be played from `Plan.begin` on, and the verdict.
 
-        DEADLINE_MISSED where the deadline did not leave time for all that could be tried: then the arm stops along its
-        path, and the next ticks go on trying. So too where `handover_deadline` has passed by the time that a trajectory
-        is found: it would take over in the past. A path that is still free, to the goal or evading, stays; without one,
-        `stop` is to be called.
+        The verdict is DEADLINE_MISSED where
+
+        - `deadline` left no time for every attempt: the arm stops along its path, and the next ticks make the others;
+        - `handover_deadline` had passed when a trajectory was found, which would take over in the past: a path that is
+          still free, to the goal or evading, stays. Without one the plan has no trajectory, and `stop` is to be called.
         """
         if not isinstance(now, Real):
             raise PlanningError("tick(position, quaternion) is no more: stand_at(q, now) once, then tick(now)")
@@ -390,7 +399,7 @@ class ReactivePlanner:
         return self._commit(situation, mission, Decider(self._arm, situation, mission, self._memory).decide())
 
     def stop(self, now: float, verdict: Verdict, handover_deadline: Deadline = NEVER) -> Plan:
-        """Come to rest along the path being followed, for a reason; handover_deadline : as of `tick`."""
+        """Come to rest along the path that is followed, for a reason; handover_deadline : as of `tick`."""
         situation = self._situation(now, handover_deadline)
         if situation is None:
             return Plan(None, now, verdict, mode=Mode.standing(verdict))
@@ -398,7 +407,7 @@ class ReactivePlanner:
         return self._commit(situation, mission, Decision(situation.stopped(verdict), mission.query, self._memory))
 
     def _situation(self, now: float, handover_deadline: Deadline, deadline: Deadline = NEVER) -> Situation | None:
-        """None where it is not known where the arm stands."""
+        """The situation of a tick at `now` [s]; None where it is not known where the arm stands."""
         stream, inputs = self._stream, self._inputs
         if stream.played is None:
             return None
@@ -409,14 +418,14 @@ class ReactivePlanner:
         )  # fmt: skip
 
     def _commit(self, situation: Situation, mission: Mission, decision: Decision) -> Plan:
-        """Play what was decided, and remember it: nothing else in a tick changes the planner."""
+        """Play a decision, and remember it: nothing else in a tick changes the planner."""
         memory = decision.memory
         if decision.detour is not None:
             latent, obstacles = situation.state.latent, situation.expected
             search = partial(self._arm.requested_detour, decision.detour, latent, obstacles)
             memory = replace(memory, detour=DetourSearch(self._worker.start(search, situation.now), decision.detour))
         self._mission, self._memory = replace(mission, query=decision.query), memory
-        return replace(self._stream.take(decision.step, situation.now), mode=situation.mode(decision.step))
+        return replace(self._stream.commit(decision.step, situation.now), mode=situation.mode(decision.step))
 
     def plan(
         self,

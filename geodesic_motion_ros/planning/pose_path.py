@@ -1,6 +1,6 @@
 """PosePathPlanner: start pose, goal pose and obstacles -> path of tool poses with its verdict, without a robot.
 
-The latent graph is carried to start and goal (`query`), reshaped by the obstacles, searched, and the path found is
+The latent graph is transported to start and goal (`query`), reshaped by the obstacles, searched, and the path found is
 smoothed, decoded and certified. A path has no time: obstacles stand where they are. All poses and obstacles are in the
 frame that the skill was demonstrated in.
 """
@@ -15,13 +15,13 @@ from geodesic_motion_ros.geometry.curves import PoseCurve
 from geodesic_motion_ros.geometry.quaternions import angle_between, continuous_signs
 from geodesic_motion_ros.geometry.se3 import carried
 from geodesic_motion_ros.manifold.ambient_metric import obstacle_clearances
-from geodesic_motion_ros.manifold.obstacle_weights import Reshaping
+from geodesic_motion_ros.manifold.obstacle_weights import NodeEvaluation
 from geodesic_motion_ros.manifold.pose_graph import PoseGraph
 from geodesic_motion_ros.manifold.tool_points import tool_points
 from geodesic_motion_ros.obstacles.obstacles import Obstacles, nearness
 from geodesic_motion_ros.planning.path_clearance import curve_clearances, rotation_allowance
 from geodesic_motion_ros.planning.path_smoothing import correct_ends, resample_latent, smooth_latent, smooth_poses
-from geodesic_motion_ros.planning.pose_query import Pose, Query, QueryBuilder, checked_pose
+from geodesic_motion_ros.planning.pose_query import Pose, PoseQuery, PoseQueryBuilder, checked_pose
 from geodesic_motion_ros.planning.search import LatentPath, cheapest_path, path_verdict
 from geodesic_motion_ros.planning.settings import MARGIN_MULTIPLES, SMOOTHING_WIDTHS, PlannerSettings
 from geodesic_motion_ros.planning.status import Verdict, VerdictCode
@@ -46,7 +46,7 @@ class PosePath(PoseCurve):
 
 @dataclass(frozen=True)
 class DecodedPath(PoseCurve):
-    """Tool poses decoded from latent points (m, d) and carried to a query; sigma : (m, D) of the decoder."""
+    """Tool poses decoded from latent points (m, d) and transported to a query; sigma : (m, D) of the decoder."""
 
     latent: np.ndarray
     sigma: np.ndarray
@@ -59,7 +59,7 @@ class PosePathPlanner:
         self.skill = skill
         self.settings = settings or PlannerSettings()
         self.graph: PoseGraph = skill.graph(self.settings.grid_shape, self.settings.neighbours)
-        self._queries = QueryBuilder(skill, self.graph, self.settings)
+        self._queries = PoseQueryBuilder(skill, self.graph, self.settings)
         self._points = np.array(self.settings.tool_points, dtype=float)
         self._point_radii = np.array(self.settings.tool_radii, dtype=float)
         self._obstacles = Obstacles.none()
@@ -106,7 +106,7 @@ class PosePathPlanner:
         if there <= 0.0:
             reason = f"an obstacle covers the goal by {-1000 * there:.0f} mm"
             return Verdict(VerdictCode.NO_FEASIBLE_PATH, reason, **query.misfits)
-        return self._searched(query, reshaping_of(query, obstacles, self.settings), min(here, there))
+        return self._searched(query, evaluation_of(query, obstacles, self.settings), min(here, there))
 
     def query(
         self,
@@ -114,8 +114,8 @@ class PosePathPlanner:
         start_quaternion: np.ndarray,
         goal_position: np.ndarray,
         goal_quaternion: np.ndarray,
-    ) -> Query | Verdict:
-        """The graph carried to a start and a goal, as of `plan`, or why it cannot be.
+    ) -> PoseQuery | Verdict:
+        """The graph transported to a start and a goal, as of `plan`, or why it cannot be.
 
         BAD_INPUT: numbers that are not finite, or not of a pose. START_OUT_OF_SUPPORT, GOAL_OUT_OF_SUPPORT: a pose too
         far from what was demonstrated.
@@ -132,13 +132,13 @@ class PosePathPlanner:
         body = tool_points(pose.position[None], pose.quaternion[None], self._points)
         return float(obstacle_clearances(body, self._point_radii, obstacles, np.inf)[0])
 
-    def _searched(self, query: Query, reshaping: Reshaping, at_ends: float) -> PosePath | Verdict:
+    def _searched(self, query: PoseQuery, evaluation: NodeEvaluation, at_ends: float) -> PosePath | Verdict:
         """Search and smooth until an attempt is certified; at_ends : smaller clearance [m] of start and goal."""
         refused: Verdict | None = None
         for multiple in MARGIN_MULTIPLES:
             # Ends closer to an obstacle than the margin may stay so, but the path must not come closer than they are.
             margin = min(multiple * self.settings.obstacle_margin, 0.5 * at_ends)
-            found = cheapest_path(self.graph, query, query.start_latent, reshaping, margin)
+            found = cheapest_path(self.graph, query, query.start_latent, evaluation, margin)
             if isinstance(found, Verdict):
                 return found
             for widths in SMOOTHING_WIDTHS:
@@ -149,7 +149,7 @@ class PosePathPlanner:
         assert refused is not None
         return refused
 
-    def _certified(self, query: Query, found: LatentPath, widths: tuple[float, float]) -> PosePath | Verdict:
+    def _certified(self, query: PoseQuery, found: LatentPath, widths: tuple[float, float]) -> PosePath | Verdict:
         """Smooth and decode a latent path, meet both ends exactly, and judge the poses."""
         path = smoothed_path(self.graph, query, found.polyline, widths)
         start, goal = ((pose.position, pose.quaternion) for pose in (query.start, query.goal))
@@ -183,15 +183,15 @@ def checked_spheres(centres: np.ndarray, radii: np.ndarray) -> Obstacles | Verdi
     return Obstacles.of_spheres(centres, radii)
 
 
-def reshaping_of(query: Query, obstacles: Obstacles, settings: PlannerSettings) -> Reshaping:
+def evaluation_of(query: PoseQuery, obstacles: Obstacles, settings: PlannerSettings) -> NodeEvaluation:
     """The query's graph among obstacles, for searches with any of the margins of `MARGIN_MULTIPLES`."""
-    return Reshaping.of(
+    return NodeEvaluation.of(
         query.body, obstacles, settings.ambient_strength, settings.ambient_width_ratio,
         max(MARGIN_MULTIPLES) * settings.obstacle_margin, settings.ambient_law,
     )  # fmt: skip
 
 
-def decoded_path(graph: PoseGraph, query: Query, latent: np.ndarray) -> DecodedPath:
+def decoded_path(graph: PoseGraph, query: PoseQuery, latent: np.ndarray) -> DecodedPath:
     """The poses that latent points (m, d) stand for between the query's ends."""
     decoded = graph.decoder.decode(latent)
     displacements = query.offsets.displacements(*graph.progress_map(latent))
@@ -199,7 +199,7 @@ def decoded_path(graph: PoseGraph, query: Query, latent: np.ndarray) -> DecodedP
     return DecodedPath(positions, continuous_signs(quaternions), latent, decoded.sigma)
 
 
-def smoothed_path(graph: PoseGraph, query: Query, polyline: np.ndarray, widths: tuple[float, float]) -> DecodedPath:
+def smoothed_path(graph: PoseGraph, query: PoseQuery, polyline: np.ndarray, widths: tuple[float, float]) -> DecodedPath:
     """A latent polyline (p, d), smoothed, decoded and smoothed again; it begins in the hemisphere of the query's start.
 
     widths : of both smoothings, in grid steps; the path has a sample for each step.

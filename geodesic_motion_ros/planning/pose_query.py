@@ -1,7 +1,7 @@
-"""Query: a start and a goal pose, with the latent graph transported to them.
+"""PoseQuery: a start and a goal pose, with the latent graph transported to them.
 
-Decoded nodes are carried by the offsets of both ends, so paths begin and end where it was requested, and obstacles are
-met where the robot will really be. Which latent points are carried onto start and goal:
+Decoded nodes are transported by the offsets of both ends, so paths begin and end where it was requested, and obstacles
+are met where the robot will really be. Which latent points are transported onto start and goal:
 
 - on a canonical sheet, learned from endpoint-normalised demonstrations, where all of these start and where all end, as
   long as the requested poses lie within the starts and goals that were demonstrated, or not further beyond them than
@@ -22,10 +22,15 @@ from geodesic_motion_ros.manifold.node_body import NodeBody
 from geodesic_motion_ros.manifold.pose_graph import PoseGraph
 from geodesic_motion_ros.manifold.transport import Offsets, corrections_at
 from geodesic_motion_ros.obstacles.obstacles import LARGEST_NUMBER
-from geodesic_motion_ros.planning.carried_query import AlongMeanPaths, CarriedQuery, CarriedQueryBuilder, End
 from geodesic_motion_ros.planning.search import demonstrated_cost
 from geodesic_motion_ros.planning.settings import SAME_TASK_POSE, PlannerSettings
 from geodesic_motion_ros.planning.status import Verdict, VerdictCode
+from geodesic_motion_ros.planning.transported_query import (
+    AlongMeanPaths,
+    End,
+    TransportedQuery,
+    TransportedQueryBuilder,
+)
 from geodesic_motion_ros.skill.sheet import POSE_SCALE, beyond_demonstrated
 from geodesic_motion_ros.skill.skill import ENDPOINT_MULTIPLE, Skill
 
@@ -56,7 +61,7 @@ def checked_pose(end: str, position: np.ndarray, quaternion: np.ndarray) -> tupl
 
 @dataclass(frozen=True)
 class _End:
-    """A start or goal and the latent point that is carried onto it.
+    """A start or goal and the latent point that is transported onto it.
 
     Attributes
     ----------
@@ -79,12 +84,15 @@ class _End:
 
 
 @dataclass(frozen=True)
-class Query(CarriedQuery):
-    """A start and a goal pose, `Pose` both, with the graph carried to them; task_start, task_goal : (6,)."""
+class PoseQuery(TransportedQuery):
+    """A start and a goal pose of the tool with the graph of poses transported to them, without an arm that holds it.
+
+    task_start, task_goal : (6,).
+    """
 
 
-class QueryBuilder(CarriedQueryBuilder):
-    """Finds where on the manifold start and goal lie, and transports the graph to them."""
+class PoseQueryBuilder(TransportedQueryBuilder):
+    """Finds where on the manifold a start and a goal pose lie, and transports the graph of poses to them."""
 
     def __init__(self, skill: Skill, graph: PoseGraph, settings: PlannerSettings) -> None:
         """graph : decoded from the skill."""
@@ -163,7 +171,7 @@ class QueryBuilder(CarriedQueryBuilder):
 
     # ----------------------------------------------------------------- query
 
-    def build(self, start: Pose, goal: Pose) -> Query | Verdict:
+    def build(self, start: Pose, goal: Pose) -> PoseQuery | Verdict:
         """Choose both ends on one connected piece of the manifold and transport the graph to the query."""
         pairs = []
         for component in self._graph.pieces_with_demonstrations():
@@ -176,7 +184,7 @@ class QueryBuilder(CarriedQueryBuilder):
         along_mean_paths = self._chosen_mean_paths(here.task_offset, there.task_offset)
         return self._between(start, here, goal, there, here.task_offset, along_mean_paths)
 
-    def redirected(self, query: Query, start: Pose, latent: np.ndarray, goal: Pose) -> Query | Verdict | None:
+    def redirected(self, query: PoseQuery, start: Pose, latent: np.ndarray, goal: Pose) -> PoseQuery | Verdict | None:
         """The query that goes on from a pose on the path of an older one, at its latent point (d,), to a new goal.
 
         None where the latent point is not connected to any node: then the query has to be built anew.
@@ -201,14 +209,14 @@ class QueryBuilder(CarriedQueryBuilder):
 
     def _between(
         self, start: Pose, here: _End, goal: Pose, there: _End, task_start: np.ndarray, along_mean_paths: AlongMeanPaths
-    ) -> Query | Verdict:
+    ) -> PoseQuery | Verdict:
         for verdict in (self._offset_verdict("start", here), self._offset_verdict("goal", there)):
             if not verdict.ok:
                 return verdict
         corrections, conformal, mean_paths = along_mean_paths
         offsets = self._offsets(here, there, corrections)
         graph = self._graph.transported(offsets, self._points, conformal)
-        return Query(
+        return PoseQuery(
             start=start,
             goal=goal,
             start_latent=here.latent,

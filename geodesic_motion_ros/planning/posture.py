@@ -29,16 +29,19 @@ from geodesic_motion_ros.robot.kinematics import (
 )
 from geodesic_motion_ros.trajectory.trajectory import interpolated
 
-#: Newton's method ends where the pose is this near [m, rad], after so many steps at most; no joint turns farther than
-#: this in one of them [rad], where the linearisation can be trusted.
-_TOLERANCE, _STEPS, _LARGEST_STEP = 1e-6, 8, 0.6
-#: A node is tried from so many of its neighbours.
+#: Newton's method ends where the pose is this near [m, rad].
+_TOLERANCE = 1e-6
+#: It takes at most this many steps.
+_STEPS = 8
+#: In one of them no joint turns farther than this [rad]: the linearisation holds no farther.
+_LARGEST_STEP = 0.6
+#: The solution at a node is tried from at most this many of its neighbours.
 _MOST_TRIES = 3
 
 
 @dataclass(frozen=True)
 class Posture:
-    """How an arm of eta joints holds the base path of a query.
+    """The configurations with which an arm of eta joints holds the base path, as a function of progress.
 
     Attributes
     ----------

@@ -14,7 +14,7 @@ from geodesic_motion_ros.manifold.geodesic_refinement import refined
 from geodesic_motion_ros.manifold.latent_graph import LatentGraph
 from geodesic_motion_ros.manifold.metric_field import MetricField
 from geodesic_motion_ros.manifold.node_body import NodeBody
-from geodesic_motion_ros.manifold.obstacle_weights import Reshaping, first_clear
+from geodesic_motion_ros.manifold.obstacle_weights import NodeEvaluation, first_clear
 from geodesic_motion_ros.manifold.shortest_path import cost_field
 from geodesic_motion_ros.manifold.weighted_graph import WeightedGraph
 from geodesic_motion_ros.obstacles.obstacles import Obstacles
@@ -23,9 +23,12 @@ from geodesic_motion_ros.planning.status import Verdict, VerdictCode
 from geodesic_motion_ros.skill.skill import Skill
 from geodesic_motion_ros.utils.deadline import NEVER, Deadline
 
+#: The margin [m] with which obstacles remove no node: no clearance is less.
+NO_NODE_REMOVED = -math.inf
+
 
 class SearchQuery(Protocol):
-    """What the search needs of a `pose_query.Query`, a `ConfigurationQuery` or a `ToolQuery`."""
+    """The part of a query that the search of a path needs: a graph with costs, and bounds of those to both ends."""
 
     graph: WeightedGraph
     body: NodeBody
@@ -37,16 +40,17 @@ class SearchQuery(Protocol):
 
 
 class RefinedQuery(SearchQuery, Protocol):
-    """What it needs besides to make a path a continuous one: the metric between the nodes."""
+    """The part of a query that the refinement of a path needs besides: the metric between the nodes."""
 
     field: MetricField
 
 
 @dataclass(frozen=True)
 class LatentPath:
-    """A path through the graph: its nodes (p,), latent polyline (m, d), largest energy of one edge, and the gap.
+    """A path through the latent graph: its nodes (p,), latent polyline (m, d), and the largest energy of one edge.
 
-    gap : as `Verdict.cost_gap`. undisturbed : no obstacle was felt in the search: it is the cheapest without any.
+    gap : as `Verdict.cost_gap`. undisturbed : no obstacle affected a node that the search evaluated: the path is the
+        cheapest without any.
     """
 
     nodes: np.ndarray
@@ -58,17 +62,20 @@ class LatentPath:
 
 @dataclass(frozen=True)
 class KnownPaths:
-    """The path being followed, and the last one that was no gain over it."""
+    """The paths that need no certificate where the search finds them again.
+
+    followed : the path that is being followed. rejected : the last path that was no gain over it.
+    """
 
     followed: LatentPath
     rejected: LatentPath | None = None
 
     def include(self, path: LatentPath) -> bool:
-        """Whether a path is the one being followed, and need not be judged again.
+        """Whether a path is the one that is followed, and needs no certificate: the same nodes, or all undisturbed.
 
-        Where no obstacle is felt the cheapest path from a point of the cheapest one is the rest of it, but may lead
-        over other nodes of the grid: where that has been no gain once it is not judged again. A gain that it becomes as
-        less of the path is left is given away.
+        Without obstacles the cheapest path from a point of the cheapest path is the rest of that path, but may lead
+        over other nodes of the grid. Where such a path has been no gain once, it is not timed and certified again.
+        Later, on the rest of the path, it may become a gain, which this rule misses: that is accepted.
         """
         undisturbed = self.rejected is not None and all(
             one.undisturbed for one in (self.followed, self.rejected, path)
@@ -77,7 +84,7 @@ class KnownPaths:
 
 
 def demonstrated_cost(graph: LatentGraph, base: np.ndarray, codes: np.ndarray) -> float:
-    """What the first demonstration's path costs, for codes (N, T, d) and the edges' lengths base (m,)."""
+    """The cost of the first demonstration's path, for codes (N, T, d) and the edges' lengths base (m,)."""
     everywhere = np.ones(len(graph.latent), dtype=bool)
     start, goal = (graph.node_near(code, everywhere, max(graph.grid.shape)) for code in codes[0, [0, -1]])
     assert start is not None
@@ -87,12 +94,12 @@ def demonstrated_cost(graph: LatentGraph, base: np.ndarray, codes: np.ndarray) -
 
 def load_search(graph: LatentGraph, query: SearchQuery, settings: PlannerSettings) -> None:
     """Load the compiled kernels of `cheapest_path`, whatever obstacles there will be."""
-    reshaping = Reshaping.of(
+    evaluation = NodeEvaluation.of(
         query.body, Obstacles.none(), settings.ambient_strength, settings.ambient_width_ratio,
         settings.obstacle_margin, settings.ambient_law,
     )  # fmt: skip
     load_search_from_both_ends(
-        graph.adjacency, query.graph.base, query.graph.fixed, query.graph.shares, reshaping, query.to_goal,
+        graph.adjacency, query.graph.base, query.graph.fixed, query.graph.shares, evaluation, query.to_goal,
         query.from_start, query.goal_node,
     )  # fmt: skip
 
@@ -101,22 +108,24 @@ def cheapest_path(
     graph: LatentGraph,
     query: SearchQuery,
     start: np.ndarray,
-    reshaping: Reshaping,
+    evaluation: NodeEvaluation,
     margin: float,
     deadline: Deadline = NEVER,
 ) -> LatentPath | Verdict:
     """The cheapest path from a latent point (d,) to the goal's node that keeps a margin [m], or why there is none.
 
     Paths that cost more than the query's limit are none: they would lead all along obstacles, or far around them. The
-    goal was found free before: its node lies under it but for rounding, and is not evaluated again. Once the deadline
-    has passed it is the cheapest path found by then, or DEADLINE_MISSED.
+    goal's node is not evaluated: the caller has found the goal itself free, and the node is at the goal but for
+    rounding. Once the deadline has passed the answer is the cheapest path found by then, or DEADLINE_MISSED.
+
+    margin : nodes with less clearance are removed; `NO_NODE_REMOVED`: none is, and obstacles only make nodes dearer.
     """
-    source = _entry(graph, query, start, reshaping, margin)
+    source = _entry(graph, query, start, evaluation, margin)
     if source is None:
         reason = "obstacles leave no free node near the start"
         return Verdict(VerdictCode.NO_FEASIBLE_PATH, reason, **query.misfits)
     found = shortest_path_from_both_ends(
-        graph.adjacency, query.graph.base, query.graph.fixed, query.graph.shares, reshaping, margin,
+        graph.adjacency, query.graph.base, query.graph.fixed, query.graph.shares, evaluation, margin,
         query.to_goal, query.from_start, source, query.goal_node, query.cost_limit, deadline,
     )  # fmt: skip
     if not math.isfinite(found.cost):
@@ -131,7 +140,7 @@ def cheapest_path(
     # The first node may lie behind the start.
     if len(points) > 1 and (points[1] - points[0]) @ (start - points[0]) > 0.0:
         points = points[1:]
-    undisturbed = found.gap == 0.0 and not reshaping.is_felt(margin)
+    undisturbed = found.gap == 0.0 and not evaluation.is_felt(margin)
     return LatentPath(found.nodes, np.concatenate([start[None], points]), energy, found.gap, undisturbed)
 
 
@@ -142,23 +151,23 @@ def is_same_path(nodes: np.ndarray, known: np.ndarray) -> bool:
 
 
 def _entry(
-    graph: LatentGraph, query: SearchQuery, start: np.ndarray, reshaping: Reshaping, margin: float
+    graph: LatentGraph, query: SearchQuery, start: np.ndarray, evaluation: NodeEvaluation, margin: float
 ) -> int | None:
     """The nearest free node to the start from which the goal can be reached."""
     near = graph.nodes_near(start, ENTRY_STEPS)
-    found = first_clear(near[np.isfinite(query.to_goal[near])], query.goal_node, reshaping, margin)
+    found = first_clear(near[np.isfinite(query.to_goal[near])], query.goal_node, evaluation, margin)
     return None if found < 0 else found
 
 
 class MarginSearch:
-    """The searches of one solution: the cheapest path with each margin, searched once."""
+    """Finds the cheapest path with several margins, and searches each of them once."""
 
     def __init__(
         self,
         graph: LatentGraph,
         query: RefinedQuery,
         start: np.ndarray,
-        reshaping: Reshaping,
+        evaluation: NodeEvaluation,
         deadline: Deadline,
         settings: PlannerSettings,
         largest: float,
@@ -167,29 +176,29 @@ class MarginSearch:
 
         Ends closer to an obstacle than a margin may stay so, but the path must not come closer than they are.
         """
-        self._graph, self._query, self._start, self._reshaping = graph, query, start, reshaping
+        self._graph, self._query, self._start, self._evaluation = graph, query, start, evaluation
         self._deadline, self._settings, self._largest = deadline, settings, largest
         self._paths: dict[float, LatentPath | Verdict] = {}
 
     def margin(self, multiple: float) -> float:
-        """What is kept from obstacles [m] for a multiple of the margin."""
+        """The clearance that is kept from obstacles [m], for a multiple of the setting `obstacle_margin`."""
         return min(multiple * self._settings.obstacle_margin, self._largest)
 
     def path(self, multiple: float) -> LatentPath | Verdict:
-        """The cheapest path that keeps a multiple of the margin."""
+        """The cheapest path that keeps a multiple of the setting `obstacle_margin`, or why there is none."""
         margin = self.margin(multiple)
         if margin not in self._paths:
             self._paths[margin] = cheapest_path(
-                self._graph, self._query, self._start, self._reshaping, margin, self._deadline
+                self._graph, self._query, self._start, self._evaluation, margin, self._deadline
             )
         return self._paths[margin]
 
     def refined(self, path: LatentPath, multiple: float) -> LatentPath:
-        """A path made a continuous one that keeps the same, where the settings say so."""
+        """A path refined to a continuous one with the same margin; as it is, where the setting `refine` is off."""
         if not self._settings.refine:
             return path
         margin = self.margin(multiple)
-        return replace(path, polyline=refined(self._query.field, self._reshaping, margin, path.polyline))
+        return replace(path, polyline=refined(self._query.field, self._evaluation, margin, path.polyline))
 
 
 def path_verdict(

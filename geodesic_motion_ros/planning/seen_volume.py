@@ -26,19 +26,19 @@ from geodesic_motion_ros.robot.collision_model import CollisionModel
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.trajectory.trajectory import interpolated
 
-#: A sphere may be so far [m] from where it passes along the base path. Half the spacing of its samples takes 2.5 mm of
-#: that, the path's bends between the samples of a detour's frame up to as much, and `SEARCH_DEPTH` the rest.
+#: A sphere may be this far from where it passes along the base path [m]. Half the spacing of its samples takes 2.5 mm
+#: of that, the path's bends between the samples of a detour's frame up to as much, and `SEARCH_DEPTH` the rest.
 BASE_ALLOWANCE = 0.01
-#: Searches keep spheres so deep inside [m]: the path that they find is smoothed afterwards.
+#: Searches keep spheres this deep inside [m]: the path that they find is smoothed afterwards.
 SEARCH_DEPTH = 0.005
-#: The certificate asks for so much [m] at the places at which it looks: its step is no shorter.
+#: The certificate requires this depth at the places that it checks [m]: its step is no shorter.
 _LEAST_DEPTH = 1e-3
 #: Between two samples of the base path no sphere moves farther [m].
 _SPACING = 0.005
 
 
 class SeenVolume(NamedTuple):
-    """Where S spheres of an arm may be on a detour; compiled kernels read it.
+    """The volume in which the S spheres of an arm may be on a detour (setting `unseen`); compiled kernels read it.
 
     Attributes
     ----------

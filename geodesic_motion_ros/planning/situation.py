@@ -1,8 +1,9 @@
 """Situation: all that one tick may know, worked out once. Its methods assess, and change nothing.
 
-What is being played, and therefore the state of motion in which another trajectory takes over, a moment (`latency`)
-from now; obstacles as of then; the soonest stop. Whether the present path is still free, whether another one is a gain,
-whether it leaves the arm a stop: each answer is a value. What a tick comes to is a `Step`, which `Stream.take` plays.
+A situation knows the trajectory that is being played, and therefore the state of motion in which another trajectory
+takes over, a moment (`latency`) from now; the obstacles as they are expected then; the soonest stop. It assesses
+whether the present path is still free, whether another path is a gain, and whether that leaves the arm a stop. The
+outcome of a tick is a `Step`, which `Stream.commit` plays.
 """
 
 from __future__ import annotations
@@ -15,16 +16,10 @@ import numpy as np
 
 from geodesic_motion_ros.obstacles.obstacles import Obstacles
 from geodesic_motion_ros.planning import settings as constants
-from geodesic_motion_ros.planning.certificate import (
-    ArmCertifier,
-    Certificate,
-    JudgedTrajectory,
-    SweptArm,
-    SweptSpheres,
-)
-from geodesic_motion_ros.planning.mode import Mode
+from geodesic_motion_ros.planning.certificate import ArmCertifier, Certificate, SweptArm, SweptSpheres
+from geodesic_motion_ros.planning.mode import Mode, Purpose
 from geodesic_motion_ros.planning.plan import ArmQuery, MotionState, Plan
-from geodesic_motion_ros.planning.search import KnownPaths, LatentPath
+from geodesic_motion_ros.planning.played import Followed, PlayedTrajectory, Step
 from geodesic_motion_ros.planning.settings import PlannerSettings
 from geodesic_motion_ros.planning.status import Verdict, VerdictCode
 from geodesic_motion_ros.robot.limits import JointLimits
@@ -32,121 +27,13 @@ from geodesic_motion_ros.trajectory.stopping import stopping_reference
 from geodesic_motion_ros.trajectory.trajectory import JointReference
 from geodesic_motion_ros.utils.deadline import NEVER, Deadline
 
-#: Knots are no nearer to each other [s].
-_SHORTEST_INTERVAL = 1e-3
-#: Of times [s].
-TIME_ROUNDING = 1e-6
-
-
-@dataclass(frozen=True)
-class PlayedTrajectory:
-    """A trajectory and when it begins [s]."""
-
-    trajectory: JudgedTrajectory
-    begin: float
-    certifier: ArmCertifier
-
-    @property
-    def reference(self) -> JointReference:
-        """The motion of the joints."""
-        return self.trajectory.reference
-
-    @property
-    def end(self) -> float:
-        """When the arm comes to rest [s]."""
-        return self.begin + self.reference.duration
-
-    @cached_property
-    def swept(self) -> SweptArm:
-        """Where it takes the arm."""
-        return self.certifier.swept(self.reference)
-
-    def switch(self, earliest: float) -> float:
-        """When another one takes over, at or after a time [s]: no nearer to the knot before than may be."""
-        return earliest if earliest >= self.end else max(earliest, self.knot_before(earliest) + _SHORTEST_INTERVAL)
-
-    def knot_before(self, time: float) -> float:
-        """The last knot at or before a time [s]; that time itself where the arm stands by then."""
-        if time >= self.end:
-            return time
-        knots = self.begin + self.reference.times
-        return float(knots[max(0, int(np.searchsorted(knots, time, side="right")) - 1)])
-
-    def state_at_switch(self, earliest: float, followed: Followed | None) -> MotionState:
-        """In what state another one takes over, at or after a time [s]; with a latent point where it is followed."""
-        time = self.switch(earliest)
-        local = time - self.begin
-        latent = None if followed is None else self.reference.latent_at(local)
-        return MotionState(time, *self.reference.sample(local), latent)
-
-
-@dataclass(frozen=True)
-class Followed:
-    """What the trajectory being played was planned for, its verdict, and when a path was last searched [s].
-
-    The verdict states the present clearance. `path` and `optimistic` as of `Plan`. `evading`: it leads to where nothing
-    is expected to come.
-    `remaining`: it is an approach, which leaves so much of the path to a covered goal [m]; inf: it is none.
-    `rejected`: the last path that was no gain over this one.
-    `obstacles`: those among which it was last judged; None: it is to be judged anew.
-    """
-
-    query: ArmQuery
-    verdict: Verdict
-    obstacles: Obstacles | None
-    searched: float
-    path: LatentPath | None = None
-    optimistic: bool = False
-    evading: bool = False
-    remaining: float = math.inf
-    rejected: LatentPath | None = None
-
-    @classmethod
-    def begun(
-        cls,
-        query: ArmQuery,
-        plan: Plan,
-        situation: Situation,
-        evading: bool = False,
-        remaining: float = math.inf,
-    ) -> Followed:
-        """A plan's path, taken in a situation."""
-        return cls(
-            query, plan.verdict, situation.obstacles, situation.now, plan.path, plan.optimistic, evading, remaining
-        )
-
-    @property
-    def approaching(self) -> bool:
-        """Whether it leads as near to a covered goal as the arm can go."""
-        return math.isfinite(self.remaining)
-
-    @property
-    def is_stop(self) -> bool:
-        """Whether it leads nowhere but to rest."""
-        return not (self.verdict.ok or self.evading or self.approaching)
-
-    @property
-    def known(self) -> KnownPaths | None:
-        """Paths that are no gain where the search finds them again."""
-        return None if self.path is None else KnownPaths(self.path, self.rejected)
-
-    def is_due(self, now: float) -> bool:
-        """Whether a better path is to be searched at a time [s]."""
-        return now >= self.searched + constants.SEARCH_PERIOD - TIME_ROUNDING
-
-
-@dataclass(frozen=True)
-class Step:
-    """What a tick comes to: its answer, and what is followed from then on."""
-
-    plan: Plan
-    followed: Followed | None
-
 
 @dataclass(frozen=True)
 class Stop:
-    """The soonest stop of an arm, where it takes the arm until it stands, and its certificate, which counts what comes
-    to where it then stands.
+    """The soonest stop of an arm along the trajectory that it plays.
+
+    swept : where the stop takes the arm, until it stands. certificate : of the stop, and of the arm that stands at its
+        end for the prediction.
     """
 
     reference: JointReference
@@ -156,13 +43,14 @@ class Stop:
 
 @dataclass(frozen=True, eq=False)
 class Situation:
-    """What a tick at `now` [s] begins with.
+    """All that a tick at `now` [s] may know: the motion, the obstacles, the time that is left.
 
     Attributes
     ----------
-    obstacles : as they were received, enlarged by what is not known of them.
+    obstacles : as they were received, enlarged by all that may be wrong with their positions (`Inputs.enlarged`).
     played, followed : as of `Stream`.
-    deadline : begin nothing new after it. handover_deadline : what is found after it would take over in the past.
+    deadline : nothing new is begun after it. handover_deadline : a trajectory that is found after it would take over in
+        the past.
     reach : how far the tool may leave what was demonstrated [m].
     unchanged_since : since when the obstacles have been the same, at the same places [s].
     """
@@ -214,25 +102,49 @@ class Situation:
 
     # ------------------------------------------------------------- assessments
 
+    def is_free_without_evasion(self, horizon: float) -> bool:
+        """Whether no obstacle that moves on for a horizon [s] meets an arm that does not evade: one that stops on a
+        path to the goal or to near it, or else plays what it plays.
+        """
+        # A tick asks this when it chooses its attempts, and again where it evades.
+        if horizon not in self._free_without_evasion:
+            followed = self.followed
+            on_path = followed is not None and followed.purpose in (Purpose.GOAL, Purpose.APPROACH)
+            left = self.stop.swept if on_path and not self.at_rest else self.left
+            certificate = self.certifier.certify_swept(left, self.expected, horizon, stand_after_horizon=False)
+            self._free_without_evasion[horizon] = self.certifier.objection(certificate) is None
+        return self._free_without_evasion[horizon]
+
+    @cached_property
+    def _free_without_evasion(self) -> dict[float, bool]:
+        return {}
+
     def following(self, query: ArmQuery | None) -> Followed | None:
-        """What is being followed, where that leads to the goal of a query."""
+        """The plan that is being followed, where it leads to the goal of a query; None elsewhere."""
         followed = self.followed
-        return followed if followed is not None and followed.query is query and followed.verdict.ok else None
+        if followed is None or followed.query is not query:
+            return None
+        return followed if followed.purpose is Purpose.GOAL else None
 
     def free_path(self, query: ArmQuery) -> Followed | None:
-        """The same with its present clearance, where what is left of it is free and can be stopped on."""
+        """The plan that is being followed to the goal of a query, with its present clearance, where the rest of its
+        path is free and the arm can stop on it; None elsewhere.
+        """
         followed = self.following(query)
         if followed is None:
             return None
-        clearance = self.clearance_left(beyond=not followed.optimistic)
+        clearance = self.clearance_left(stand_after_horizon=not followed.optimistic)
         return None if clearance is None else replace(followed, verdict=replace(followed.verdict, clearance=clearance))
 
-    def clearance_left(self, beyond: bool) -> float | None:
-        """Least clearance [m] of what is left of what is being played, where that is free and can be stopped on.
+    def clearance_left(self, stand_after_horizon: bool) -> float | None:
+        """Least clearance [m] of the rest of the trajectory that is being played; None where it meets an obstacle, or
+        leaves no stop (`leaves_a_stop`). No margin is required of it.
 
-        beyond : what moves is expected to stand where it is after the prediction, and counted there.
+        stand_after_horizon : as of `ArmCertifier.certify`, with the prediction as the horizon.
         """
-        certificate = self.certifier.certify_swept(self.left, self.expected, self.settings.prediction, beyond)
+        certificate = self.certifier.certify_swept(
+            self.left, self.expected, self.settings.prediction, stand_after_horizon
+        )
         if self.settings.avoidance and self.certifier.objection(certificate) is not None:
             return None
         return float(np.min(certificate.clearance)) if self.leaves_a_stop(self.played) else None
@@ -245,11 +157,16 @@ class Situation:
         return Plan(None, plan.begin, replace(plan.verdict, code=VerdictCode.NO_FEASIBLE_PATH, reason=reason))
 
     def leaves_a_stop(self, candidate: PlayedTrajectory) -> bool:
-        """Whether an arm that follows a trajectory for `REPLAN_DELAY` is left a stop that is free wherever on their
-        lines obstacles halt meanwhile. True as well where it has none now, or would be met by what moves on where it
-        stood: to go on is no worse then.
+        """Whether the arm may follow a trajectory for another `REPLAN_DELAY`, as stopping then is safe, or stopping now
+        is no safer. A certificate expects every obstacle to move on; an obstacle that halts before it has passed must
+        not be met either.
 
-        A certificate takes for granted that they move on; one that stops before it has passed must not be met either.
+        True if one of these holds:
+
+        1. the stop that begins `REPLAN_DELAY` later keeps the margin among what moves from every place on its predicted
+           line where an obstacle may halt by the end of that stop;
+        2. the stop that begins now is not free of these places itself;
+        3. an obstacle that moves on would meet the arm on that stop, or standing at its end.
         """
         if self.expected.is_static or not self.settings.avoidance:
             return True
@@ -261,7 +178,7 @@ class Situation:
         return bool(np.min(self.stop.certificate.clearance) <= 0.0)
 
     def _room_of(self, stop: SweptSpheres, later: float) -> float:
-        """Least distance [m] of a stop that begins so much later [s] from where obstacles may halt by its end."""
+        """Least distance [m] of a stop, which begins `later` [s] than now, from where obstacles may halt by its end."""
         places = self.expected.stopping_places(later + stop.times[-1], constants.STOP_POSITION_SAMPLES)
         return self.certifier.room(stop, places)
 
@@ -281,23 +198,28 @@ class Situation:
         return math.inf if followed.optimistic else self._worthwhile
 
     def mode(self, step: Step) -> Mode:
-        """What the arm does after a step."""
+        """The mode of the arm after a step."""
         followed, verdict = step.followed, step.plan.verdict
         moves = step.plan.trajectory is not None or not self.at_rest
         if followed is not None and moves:
-            return Mode.moving(followed.verdict.ok, followed.approaching, followed.evading)
+            return Mode.moving(followed.purpose)
         return Mode.standing(verdict)
 
     # ------------------------------------------------------------------- steps
 
     def answered(self, verdict: Verdict, followed: Followed | None = None) -> Step:
-        """What is being played stays; followed : that with its present clearance, where it was worked out."""
+        """The step in which the arm goes on playing what it plays.
+
+        followed : the present plan with its present clearance; None: that was not worked out, and the plan stays as it
+            is.
+        """
         return Step(Plan(None, self.now, verdict), followed or self.followed)
 
     def handed_out(self, plan: Plan, followed: Followed, before: Followed | None = None) -> Step:
-        """What is being played until a plan's trajectory begins, and that from there on; nothing if it is too late.
+        """The step in which a plan's trajectory takes over from what is being played; too late for that, the verdict
+        DEADLINE_MISSED alone.
 
-        followed : what is followed then; before : until then, as of `answered`.
+        followed : the new plan. before : the present one, as of `answered`.
         """
         if not self.handover_deadline.passed:
             return Step(plan, followed)
@@ -308,12 +230,12 @@ class Situation:
         return self.answered(Verdict(VerdictCode.DEADLINE_MISSED, reason), before)
 
     def stopped(self, verdict: Verdict, followed: Followed | None = None) -> Step:
-        """A stop along the path being followed, or what is being played where that is one already.
+        """The step in which the arm begins the soonest stop; an arm that stops already, or rests, goes on doing so.
 
         followed : as of `answered`.
         """
         followed = followed or self.followed
-        if followed is None or followed.is_stop or self.at_rest:
+        if followed is None or followed.purpose is Purpose.STOP or self.at_rest:
             return self.answered(verdict, followed)
         certificate = self.stop.certificate
         objection = self.certifier.objection(certificate)
@@ -321,4 +243,5 @@ class Situation:
         if objection is not None and self.settings.avoidance:
             verdict = replace(verdict, reason=f"{verdict.reason}; while stopping, {objection}")
         plan = Plan(self.certifier.judged(self.stop.reference, certificate), self.state.time, verdict)
-        return self.handed_out(plan, Followed.begun(followed.query, plan, self), followed)
+        begun = Followed.begun(followed.query, plan, self.obstacles, self.now, Purpose.STOP)
+        return self.handed_out(plan, begun, followed)

@@ -1,7 +1,7 @@
 """Solver: one query -> a certified joint reference and its verdict. Knows nothing of ROS.
 
-Reweight, search, refine, smooth, decode, transport, time, certify: what a tick of `planner.ReactivePlanner`
-does when its trajectory cannot stay.
+Reweight, search, refine, smooth, decode, transport, time, certify: the work of a tick of `planner.ReactivePlanner` in
+which the trajectory cannot stay.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ import numpy as np
 
 from geodesic_motion_ros.manifold.configuration_graph import ConfigurationGraph
 from geodesic_motion_ros.manifold.geodesic_refinement import refined
-from geodesic_motion_ros.manifold.obstacle_weights import Reshaping
+from geodesic_motion_ros.manifold.obstacle_weights import NodeEvaluation
 from geodesic_motion_ros.manifold.pose_graph import PoseGraph
 from geodesic_motion_ros.obstacles.obstacles import Obstacles
 from geodesic_motion_ros.planning import settings as constants
@@ -25,7 +25,14 @@ from geodesic_motion_ros.planning.declared_scene import DeclaredScene
 from geodesic_motion_ros.planning.evasion_targets import displaced_paths, paths_to_targets
 from geodesic_motion_ros.planning.path_timer import PathTimer, TimedPath, meeting
 from geodesic_motion_ros.planning.plan import Approach, ArmQuery, MotionState, PathEnds, Plan
-from geodesic_motion_ros.planning.search import KnownPaths, LatentPath, MarginSearch, cheapest_path, path_verdict
+from geodesic_motion_ros.planning.search import (
+    NO_NODE_REMOVED,
+    KnownPaths,
+    LatentPath,
+    MarginSearch,
+    cheapest_path,
+    path_verdict,
+)
 from geodesic_motion_ros.planning.seen_volume import SeenVolume
 from geodesic_motion_ros.planning.settings import Attempt, PlannerSettings
 from geodesic_motion_ros.planning.status import Verdict, VerdictCode
@@ -44,7 +51,19 @@ _SAME_CLEARANCE = 0.99
 
 
 class Solver:
-    """Plans single paths on one skill, for any thread; holds no state that an answer depends on."""
+    """Plans single motions on one skill; any thread may call it, as no answer depends on one before.
+
+    Entry points, each of which times a path, certifies the motion and states a verdict:
+
+    | method | motion |
+    |---|---|
+    | `solve` | to the goal, along the cheapest path of the graph |
+    | `along` | to the goal, along a detour that was found |
+    | `evade`, `evade_displaced` | away from where an obstacle comes: to a place on the graph, or beside it |
+    | `approach` | towards a covered goal, as near as is free |
+
+    `base_path` and `seen_beside` serve the search of detours.
+    """
 
     def __init__(
         self,
@@ -67,12 +86,12 @@ class Solver:
 
     @property
     def cautious(self) -> tuple[Attempt, ...]:
-        """The attempts that are not optimistic."""
+        """The attempts that are not optimistic. Where no obstacle moves, an optimistic one equals one of these."""
         return _alike(self.attempts, False)
 
     @property
     def optimistic(self) -> tuple[Attempt, ...]:
-        """Those that are."""
+        """The optimistic attempts."""
         return _alike(self.attempts, True)
 
     def solve(
@@ -88,9 +107,10 @@ class Solver:
     ) -> Plan:
         """Search, refine, smooth, decode, time, certify: until an attempt is certified, or the deadline has passed.
 
-        known : paths that need not be judged again: where the search finds one again, that is the answer, OK.
-        longest : a motion that takes so long [s] or longer is no gain, and is not certified.
-        refusal : of attempts made before: the verdict where these, none of them cautious, come to no path.
+        known : paths that need no certificate: where the search finds one again, the answer is OK without a trajectory.
+        longest : a motion that takes as long as this [s] or longer is no gain, and is not certified.
+        refusal : the verdict of earlier attempts; it is the answer where none of `attempts` is cautious, and none comes
+            to a path.
         """
         cautious, optimistic = _alike(attempts, False), _alike(attempts, True)
         if cautious or refusal is None:
@@ -114,7 +134,7 @@ class Solver:
         known: KnownPaths | None,
         longest: float,
     ) -> Plan:
-        """`solve` with attempts of which all are optimistic, or none."""
+        """`solve` with attempts that are all optimistic, or all cautious."""
         search = self._search(query, state, obstacles, attempts[0].optimistic, deadline)
         if isinstance(search, Verdict):
             return Plan(None, state.time, search)
@@ -157,9 +177,12 @@ class Solver:
     def _search_among(
         self, query: ArmQuery, state: MotionState, standing: Obstacles, ends: float, deadline: Deadline
     ) -> MarginSearch:
-        """The searches among obstacles that stand; ends : clearance [m] of the nearer of both ends."""
-        start, reshaping = _latent_start(query, state), self._reshaping(query, standing)
-        return MarginSearch(self.graph, query, start, reshaping, deadline, self.settings, 0.5 * ends)
+        """The searches among obstacles that stand; ends : clearance [m] of the end of the path that is nearer to one.
+
+        The path keeps no more than half of that: an end that is nearer to an obstacle than the margin may stay so.
+        """
+        start, evaluation = _latent_start(query, state), self._evaluation(query, standing)
+        return MarginSearch(self.graph, query, start, evaluation, deadline, self.settings, 0.5 * ends)
 
     def along(
         self,
@@ -170,8 +193,10 @@ class Solver:
         obstacles: Obstacles,
         seen: SeenVolume,
     ) -> Plan:
-        """The certified motion along configurations (m, eta) from where the arm is to a query's goal, with latent
-        points (m, d) beside them, inside of what is seen; or why it is not certified.
+        """The certified motion along configurations (m, eta) from where the arm is to a query's goal; or why it is not
+        certified.
+
+        latent : (m, d) latent points beside the configurations. seen : the motion stays inside of this volume.
         """
         curve, correction = meeting(curve, state.position, query.goal)
         timed = self._timer.timed_curve(state, curve, latent, correction)
@@ -196,23 +221,24 @@ class Solver:
         stop: JointReference,
         deadline: Deadline = NEVER,
     ) -> Plan | None:
-        """A certified motion to a place nearby that nothing is expected to come to; None where none is found in time.
+        """A certified motion to a place on the graph nearby, to which no obstacle is expected to come; None where none
+        is found in time.
 
         An arm in motion stops first, as it can go back then, or else sets out as it moves.
 
         stop : the soonest stop from the state.
         """
         prediction = self.settings.prediction
-        reshaping = self._reshaping(query, obstacles.swept(prediction))
+        evaluation = self._evaluation(query, obstacles.swept(prediction))
         apart = constants.DYNAMIC_MARGIN_FACTOR * self.settings.obstacle_margin
         for begin, first in self._evasion_begins(state, obstacles, stop):
             start = _latent_start(query, begin)
-            for path in paths_to_targets(self.graph, query, start, reshaping, constants.EVASION_STEPS, apart):
+            for path in paths_to_targets(self.graph, query, start, evaluation, constants.EVASION_STEPS, apart):
                 timed = self._timer.timed(query, begin, path, False, math.inf)
                 if timed.reference is not None:
                     whole = timed.reference if first is None else joined(first, 0.0, timed.reference, first.duration)
-                    # To pass what is coming narrowly is better than to be met by it.
-                    certificate = self.certifier.certify(whole, obstacles, prediction, beyond=False)
+                    # To pass an obstacle narrowly is better than to be met by it: no margin is required.
+                    certificate = self.certifier.certify(whole, obstacles, prediction, stand_after_horizon=False)
                     objection = self.certifier.objection(certificate)
                     verdict = self._path_verdict(query, path, timed, certificate, objection)
                     if verdict.ok:
@@ -224,12 +250,12 @@ class Solver:
     def _evasion_begins(
         self, state: MotionState, obstacles: Obstacles, stop: JointReference
     ) -> list[tuple[MotionState, JointReference | None]]:
-        """From where evasion may set out, and what is played until then: at rest after a stop that nothing meets; or in
-        motion.
+        """The states in which an evasion may set out, in the order in which they are tried, each with the motion that
+        is played until then: at rest after a stop, where no obstacle meets that; and in motion.
         """
         if not np.any(state.velocity):
             return [(state, None)]
-        stopping = self.certifier.certify(stop, obstacles, stop.duration, beyond=False)
+        stopping = self.certifier.certify(stop, obstacles, stop.duration, stand_after_horizon=False)
         met = self.certifier.objection(stopping) is not None
         return [(state, None)] if met else [(state.after(stop), stop), (state, None)]
 
@@ -242,8 +268,8 @@ class Solver:
         reach: float,
         deadline: Deadline = NEVER,
     ) -> Plan | None:
-        """The same to a place beside the graph, of what comes there within a horizon [s]; None where none is found in
-        time.
+        """A certified motion to a place beside the graph, to which no obstacle comes within a horizon [s]; None where
+        none is found in time.
 
         reach : how far the tool may be from what was demonstrated [m].
         """
@@ -264,7 +290,7 @@ class Solver:
             timed = self._timer.timed_curve(state, curve, np.repeat(latent, len(curve), axis=0), 0.0)
             if timed.reference is None:
                 continue
-            certificate = self.certifier.certify_swept(timed.swept, obstacles, horizon, beyond=False)
+            certificate = self.certifier.certify_swept(timed.swept, obstacles, horizon, stand_after_horizon=False)
             if self.certifier.objection(certificate) is None and self.certifier.unseen(timed.swept, seen) is None:
                 verdict = Verdict(VerdictCode.OK, clearance=float(np.min(certificate.clearance)))
                 return Plan(self.certifier.judged(timed.reference, certificate), state.time, verdict)
@@ -279,16 +305,17 @@ class Solver:
         remaining: float = math.inf,
         deadline: Deadline = NEVER,
     ) -> Approach | None:
-        """The certified motion along the path to a covered goal, as near as nothing is met; None where that does not
-        leave less of the path by `APPROACH_GAIN`.
+        """The certified motion along the path to a covered goal, as near to it as is free; None where that does not
+        shorten the rest of the path by `APPROACH_GAIN`.
 
-        The path is the one to the goal when it clears: what covers it is not counted in the search. None as well where
-        nothing that stands covers the goal: what moves leaves it by itself, and would meet an arm that waits beside it.
+        The path is the one that the arm will follow when the goal clears: the obstacles that cover the goal are not
+        counted in its search. None as well where no standing obstacle covers the goal: a moving one leaves it by
+        itself, and would meet an arm that waits beside it.
 
         Parameters
         ----------
-        refusal : that the goal is covered; the plan's verdict states the same, and how near it leads.
-        remaining : what the approach that is being played leaves of the path [m]; inf: there is none.
+        refusal : states that the goal is covered; the plan's verdict states the same, and how near the motion leads.
+        remaining : how much of the path the approach that is being played leaves [m]; inf: there is none.
         """
         if self._clearance(query.goal, obstacles.static_subset.beside(self.scene.solids)) > 0.0:
             return None
@@ -299,7 +326,7 @@ class Solver:
         if path is None:
             return None
         curve, latent, correction = path
-        # An arm that stands nearer than that may stay so, but not come nearer.
+        # An arm that stands nearer to an obstacle than this margin may stay so, but not come nearer.
         kept = min(constants.APPROACH_MARGIN_FACTOR * self.settings.obstacle_margin, _SAME_CLEARANCE * here)
         from_moving = kept * constants.DYNAMIC_MARGIN_FACTOR / constants.APPROACH_MARGIN_FACTOR
         margin = 0.0 if obstacles.is_static else from_moving
@@ -342,17 +369,17 @@ class Solver:
         if isinstance(found, str):
             return None
         curve, correction = found
-        judged = path_verdict(
+        verdict = path_verdict(
             self.skill, self.graph, query, self.graph.sigma_at(latent), path, here, correction, objection=None
         )
-        return (curve, latent, correction) if judged.ok else None
+        return (curve, latent, correction) if verdict.ok else None
 
     def _clearance(self, configuration: np.ndarray, obstacles: Obstacles) -> float:
         return obstacle_clearance(self.collision, self.robot, configuration, obstacles)[0]
 
-    def _reshaping(self, query: ArmQuery, obstacles: Obstacles) -> Reshaping:
+    def _evaluation(self, query: ArmQuery, obstacles: Obstacles) -> NodeEvaluation:
         settings = self.settings
-        return Reshaping.of(
+        return NodeEvaluation.of(
             query.body, obstacles, settings.ambient_strength, settings.ambient_width_ratio,
             _LARGEST_MULTIPLE * settings.obstacle_margin, settings.ambient_law,
         )  # fmt: skip
@@ -362,7 +389,8 @@ class Solver:
     ) -> float | Verdict:
         """Smaller clearance [m] of present and goal configuration, or the refusal where one of them is covered.
 
-        The goal is to be free of where obstacles are expected to halt; optimistic: of those alone that stand.
+        The goal must be free of the places where obstacles are expected to halt; optimistic: of standing obstacles
+        alone.
         """
         prediction = self.settings.prediction
         later = obstacles.static_subset if optimistic else obstacles.at(obstacles.time + prediction, prediction)
@@ -411,7 +439,7 @@ class Solver:
         optimistic: bool,
         longest: float = math.inf,
     ) -> Plan:
-        """Time a path (`PathTimer.timed`), and judge the very motion that will be played.
+        """Time a path (`PathTimer.timed`), and certify the very motion that will be played.
 
         longest : as of `solve`.
         """
@@ -423,7 +451,7 @@ class Solver:
             reason = f"the best path takes {reference.duration:.2f} s; only less than {longest:.2f} s would be a gain"
             return Plan(None, state.time, Verdict(VerdictCode.NO_FEASIBLE_PATH, reason, **query.misfits))
         prediction = self.settings.prediction
-        certificate = self.certifier.certify_swept(timed.swept, obstacles, prediction, beyond=not optimistic)
+        certificate = self.certifier.certify_swept(timed.swept, obstacles, prediction, not optimistic)
         objection = self.certifier.objection(certificate, margin) if self.settings.avoidance else None
         objection = None if objection is None else f"on the best path {objection}"
         verdict = self._path_verdict(query, path, timed, certificate, objection)
@@ -437,21 +465,21 @@ class Solver:
         return path_verdict(self.skill, self.graph, query, sigma, path, clearance, timed.correction, objection)
 
     def seen_beside(self, base: np.ndarray) -> SeenVolume:
-        """Where the arm may be that leaves configurations (k, eta) of a base path."""
+        """The volume in which an arm may be that leaves configurations (k, eta) of a base path (setting `unseen`)."""
         if self.settings.unseen == "free":
             return SeenVolume.unbounded()
         return SeenVolume.beside(base, self.scene.seen, self.robot, self.collision)
 
     def base_path(self, query: ArmQuery, obstacles: Obstacles) -> tuple[np.ndarray, np.ndarray] | str:
         """The geodesic of the metric that obstacles reshape, whether it is free of them or not: latent points (m, d)
-        and configurations (m, eta); or why there is none, or the arm cannot hold it.
+        and configurations (m, eta); or why there is none, or why the arm cannot hold it.
         """
-        reshaped = self._reshaping(query, obstacles.swept(self.settings.prediction))
-        path = cheapest_path(self.graph, query, query.start_latent, reshaped, -math.inf)
+        reshaped = self._evaluation(query, obstacles.swept(self.settings.prediction))
+        path = cheapest_path(self.graph, query, query.start_latent, reshaped, NO_NODE_REMOVED)
         if isinstance(path, Verdict):
             return path.reason
         if self.settings.refine:
-            path = replace(path, polyline=refined(query.field, reshaped, -math.inf, path.polyline))
+            path = replace(path, polyline=refined(query.field, reshaped, NO_NODE_REMOVED, path.polyline))
         latent, found = self._timer.joint_curve(query, query.start, path, True)
         return found if isinstance(found, str) else (latent, found[0])
 
@@ -465,8 +493,8 @@ def _alike(attempts: tuple[Attempt, ...], optimistic: bool) -> tuple[Attempt, ..
 
 
 def _lengths_left(placed: np.ndarray) -> np.ndarray:
-    """How far [m] an arm has still to go from each sample on (m,), with its spheres at (m, S, 3): the farthest of them
-    between any two samples.
+    """How far [m] an arm has still to go from each sample on (m,), with its spheres at (m, S, 3): between two samples
+    the sphere that moves farthest counts.
     """
     steps = np.max(np.linalg.norm(np.diff(placed, axis=0), axis=2), axis=1)
     return np.append(np.cumsum(steps[::-1])[::-1], 0.0)

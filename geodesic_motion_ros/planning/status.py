@@ -1,4 +1,4 @@
-"""The verdict: what the planner says of every tick, whether or not it found a reference."""
+"""Verdict: code, reason and figures with which the planner answers every tick, whether or not it found a reference."""
 
 from __future__ import annotations
 
@@ -34,24 +34,25 @@ _OF_PLANNING = frozenset({
 
 @dataclass(frozen=True)
 class Verdict:
-    """Outcome of one planning step.
+    """Why the arm does or does not move to its goal: code and reason of one planning step, and the path's figures.
 
     Attributes
     ----------
-    code, reason : the outcome, and a sentence for a person.
+    code, reason : the outcome, and a text for a person.
     clearance : smallest distance [m] from the arm's spheres to any obstacle along the reference, already reduced
         by the certificate's allowance between samples; inf without obstacles, nan without a path.
     energy_per_edge : largest squared Riemannian length of one edge of the path; nan without a path.
     cost_gap : how much more than the cheapest path through the graph this one costs at most, as a share of that; 0 but
         where the deadline ended the search.
     in_support : whether the whole path stays where the decoder can be trusted.
-    start_offset, goal_offset : distance [m] that the learned start and goal are carried to meet the requested poses.
-    start_offset_angle, goal_offset_angle : the same for the orientation [rad].
+    start_offset, goal_offset : endpoint errors: how far the learned start and goal are moved to meet the requested
+        poses [m].
+    start_offset_angle, goal_offset_angle : how far they are rotated for that [rad].
     end_correction : how far the path's ends still had to be moved after that, the farther of the two: over all joints
         [rad], or [m] with the paper's planner.
-    start_beyond, goal_beyond : how much of that [m] no demonstration shows: all of it on the raw sheet, the distance
-        from the convex hull of the demonstrated offsets on a canonical (endpoint-normalised) one.
-    start_beyond_angle, goal_beyond_angle : the same for the orientation [rad].
+    start_beyond, goal_beyond : the part of the endpoint errors that no demonstration shows [m]: all of it with raw
+        demonstrations, the distance from the convex hull of the demonstrated offsets with endpoint-normalised ones.
+    start_beyond_angle, goal_beyond_angle : that part of the rotations [rad].
     displacement, swivel : how far the tool [m] and the arm beside it [rad] leave what was demonstrated, where the path
         is a detour; 0 elsewhere. deviation : the largest Mahalanobis distance of that, by the demonstrations' variance.
     goal_covered : whether an obstacle, or the declared scene, overlaps the arm at the goal. It is a case of
@@ -86,7 +87,7 @@ class Verdict:
 
     @property
     def planned(self) -> bool:
-        """Whether it tells what planning came to, and not that nothing could be planned."""
+        """Whether planning came to this verdict; False where nothing could be planned, as an input is missing."""
         return self.code in _OF_PLANNING
 
     @property

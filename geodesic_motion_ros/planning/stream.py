@@ -1,4 +1,4 @@
-"""Stream: the trajectories that an arm plays, each of which takes over from the one before. Judges nothing.
+"""Stream: the trajectories that an arm plays, each of which takes over from the one before. It certifies nothing.
 
 A new trajectory repeats the old one until it takes over, and is continuous with it in position, velocity and
 acceleration; every one ends at rest.
@@ -6,25 +6,25 @@ acceleration; every one ends at rest.
 
 from __future__ import annotations
 
-import math
 from dataclasses import replace
 
 import numpy as np
 
 from geodesic_motion_ros.planning.certificate import ArmCertifier, JudgedTrajectory
+from geodesic_motion_ros.planning.mode import Purpose
 from geodesic_motion_ros.planning.plan import Plan
-from geodesic_motion_ros.planning.situation import Followed, PlayedTrajectory, Step
+from geodesic_motion_ros.planning.played import Followed, PlayedTrajectory, Step
 from geodesic_motion_ros.planning.status import Verdict
 from geodesic_motion_ros.trajectory.trajectory import JointReference
 
 
 class Stream:
-    """What one arm plays, one trajectory after the other, and what that is played for.
+    """Joins the trajectories of one arm into one motion, and knows which of them is being played and what for.
 
     Attributes
     ----------
-    played : the newest trajectory handed out; None where it is not known where the arm stands.
-    followed : what it was planned for; None where the arm was only said to stand.
+    played : the newest trajectory that was handed out; None where it is not known where the arm stands.
+    followed : the plan behind it; None where the arm was only said to stand.
     """
 
     def __init__(self, certifier: ArmCertifier) -> None:
@@ -32,23 +32,23 @@ class Stream:
         self.forget()
 
     def forget(self) -> None:
-        """Where the arm is is not known any more."""
+        """Forget all that was played: where the arm is is not known any more."""
         self.played: PlayedTrajectory | None = None
         self.followed: Followed | None = None
-        # What was played until `played` began: the arm's newest state may be older than that.
+        # The trajectory until `played` began: the arm's newest state may be older than that.
         self._played_before: PlayedTrajectory | None = None
 
     def stand(self, trajectory: JudgedTrajectory, now: float) -> None:
-        """The arm stands where a trajectory does from `now` [s] on."""
+        """Begin anew: the arm stands where a trajectory stands, from `now` [s] on."""
         self.forget()
         self.played = PlayedTrajectory(trajectory, now, self._certifier)
 
     def take_certifier(self, certifier: ArmCertifier) -> None:
-        """What is played from now on is certified by another one."""
+        """Certify what is played from now on by another certifier."""
         self._certifier = certifier
 
     def certify_anew(self, trajectory: JudgedTrajectory) -> None:
-        """What is being played has another certificate."""
+        """Replace the certificate of what is being played."""
         assert self.played is not None
         self.played = PlayedTrajectory(trajectory, self.played.begin, self._certifier)
 
@@ -62,8 +62,8 @@ class Stream:
         return played.reference.sample(time - played.begin)
 
     def playing(self, now: float) -> tuple[JointReference, float] | None:
-        """What is being played from its last knot at or before `now` [s] on, and the time of that; None where that is
-        not known, or over.
+        """The rest of the motion that is being played, from its last knot at or before `now` [s] on, and the time of
+        that knot; None where no motion is known, or it is over.
         """
         played = self.played
         if played is None or not played.begin <= now < played.end:
@@ -72,19 +72,25 @@ class Stream:
         return played.reference.rest(knot - played.begin), knot
 
     def to_goal(self) -> tuple[JointReference, float] | None:
-        """What is being played and the time of its first knot [s], where it leads to the goal."""
-        if self.played is None or self.followed is None or not self.followed.verdict.ok:
+        """The motion that is being played and the time of its first knot [s]; None where it leads to no goal."""
+        if self.played is None or self.followed is None or self.followed.purpose is not Purpose.GOAL:
             return None
         return self.played.reference, self.played.begin
 
     def braked(self, trajectory: JudgedTrajectory, begin: float, verdict: Verdict) -> None:
-        """The arm does not play what it was to play, but a stop that begins at a time [s]: why."""
+        """Record that the arm fell back to the stop at the end of what was sent, which begins at a time [s].
+
+        verdict : why.
+        """
         self._replace(trajectory, begin)
         if self.followed is not None:
-            self.followed = replace(self.followed, verdict=verdict, path=None, rejected=None, remaining=math.inf)
+            query, obstacles, searched = self.followed.query, self.followed.obstacles, self.followed.searched
+            self.followed = Followed(query, Purpose.STOP, verdict, obstacles, searched)
 
-    def take(self, step: Step, now: float) -> Plan:
-        """Play what a step at `now` [s] hands out: the plan with all that is played from the knot before on."""
+    def commit(self, step: Step, now: float) -> Plan:
+        """Play the trajectory of a step at `now` [s], where it has one; returns the step's plan, with the whole motion
+        from the knot at or before `now` on.
+        """
         self.followed, plan = step.followed, step.plan
         if plan.trajectory is None:
             return plan

@@ -1,8 +1,9 @@
 """ToolQuery: a start configuration and a goal pose, with a skill of tool poses' graph in configurations of the arm.
 
-The decoded poses are carried to the query (`query.QueryBuilder`); the arm holds those along the cheapest path without
-obstacles, its base path, from the configuration in which it stands; and every other node in the posture of the base
-path at the same progress (`posture.py`). What the metric measures stays what the skill learned: motion of the tool.
+The decoded poses are transported to the query (`pose_query.PoseQueryBuilder`). The arm holds the poses along the
+cheapest path without obstacles, its base path, from the configuration in which it stands; and it holds every other node
+in the posture of the base path at the same progress (`posture.py`). The metric stays the one that the skill learned, of
+the tool's motion.
 """
 
 from __future__ import annotations
@@ -22,13 +23,13 @@ from geodesic_motion_ros.manifold.shortest_path import cost_field, shortest_free
 from geodesic_motion_ros.manifold.transport import blended
 from geodesic_motion_ros.manifold.transported_graph import TransportedGraph
 from geodesic_motion_ros.planning import settings as constants
-from geodesic_motion_ros.planning.carried_query import edges_in_scene
 from geodesic_motion_ros.planning.declared_scene import DeclaredScene
 from geodesic_motion_ros.planning.path_smoothing import correct_ends, resample_latent, smooth_latent
-from geodesic_motion_ros.planning.pose_query import Pose, Query, QueryBuilder
+from geodesic_motion_ros.planning.pose_query import Pose, PoseQuery, PoseQueryBuilder
 from geodesic_motion_ros.planning.posture import Posture, solve_beside, solve_nodes, solve_path
 from geodesic_motion_ros.planning.settings import PlannerSettings
 from geodesic_motion_ros.planning.status import Verdict, VerdictCode
+from geodesic_motion_ros.planning.transported_query import edges_in_scene
 from geodesic_motion_ros.robot.collision_model import CollisionModel
 from geodesic_motion_ros.robot.inverse_kinematics import solve
 from geodesic_motion_ros.robot.kinematics import Robot
@@ -38,18 +39,18 @@ from geodesic_motion_ros.utils.errors import RobotError
 
 @dataclass(frozen=True)
 class ToolQuery:
-    """A start and a goal with the graph in configurations of the arm.
+    """The query of a skill of tool poses for an arm: the transported graph, with a configuration at every node.
 
     Attributes
     ----------
-    poses : the query of poses that it was made of, in the task frame; frame : where that stands.
-    posture : that of the base path. swivel : which of `SWIVELS` it was made with.
+    poses : the query of poses that it was made of, in the task frame. frame : where that frame stands.
+    posture : that of the base path. swivel : the number of the one of `SWIVELS` that it was made with.
     start, goal : (eta,) configurations [rad].
-    graph : what edges cost; those that the arm cannot follow cost infinitely much.
-    body : the arm at every node. to_goal, from_start : (n,) as of `Query`.
+    graph : the costs of edges; an edge that the arm cannot follow costs infinitely much.
+    body : the arm at every node. to_goal, from_start : (n,) as of `TransportedQuery`.
     """
 
-    poses: Query
+    poses: PoseQuery
     frame: TaskFrame
     posture: Posture
     swivel: int
@@ -64,16 +65,16 @@ class ToolQuery:
 
     @property
     def start_latent(self) -> np.ndarray:
-        """(d,) latent point that is carried onto the start."""
+        """(d,) latent point that is transported onto the start."""
         return self.poses.start_latent
 
     @property
     def goal_node(self) -> int:
-        """The node that is carried onto the goal."""
+        """The node that is transported onto the goal."""
         return self.poses.goal_node
 
     def displaced_at(self, progress: np.ndarray) -> float:
-        """As of `Query`."""
+        """As of `TransportedQuery`."""
         return self.poses.displaced_at(progress)
 
     @property
@@ -83,7 +84,7 @@ class ToolQuery:
 
     @property
     def misfits(self) -> dict[str, float]:
-        """How far both ends are carried, under their names in a Verdict."""
+        """How far both ends are transported, under their names in a Verdict."""
         return self.poses.misfits
 
     def turned_to_base(self, covariances: np.ndarray) -> np.ndarray:
@@ -105,7 +106,7 @@ class ToolQuery:
 
 
 def _poses_along(
-    graph: PoseGraph, query: Query, frame: TaskFrame, latent: np.ndarray
+    graph: PoseGraph, query: PoseQuery, frame: TaskFrame, latent: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Poses (m, 3), (m, 4) of the base frame that a latent curve (m, d) stands for, and its progress (m,)."""
     progress, shares = graph.progress_map(latent)
@@ -114,14 +115,14 @@ def _poses_along(
     return *frame.to_base(positions, continuous_signs(quaternions)), progress
 
 
-def _tau(query: Query, progress: np.ndarray) -> np.ndarray:
+def _tau(query: PoseQuery, progress: np.ndarray) -> np.ndarray:
     """0 at the query's start and 1 at its goal, at progress (n,) of the skill."""
     return blended(progress, query.offsets.start_progress, query.offsets.goal_progress)
 
 
 @dataclass(frozen=True, eq=False)
 class ToolGoal:
-    """A goal pose of the tool.
+    """An accepted goal pose of the tool, which moves with the task frame where it was requested in that.
 
     Attributes
     ----------
@@ -182,7 +183,7 @@ class ToolQueryBuilder:
         self._graph, self._robot, self._collision = graph, robot, collision
         self._links = LinkBounds.of(collision)
         self._radii = np.array(settings.tool_radii, dtype=float)
-        self._poses = QueryBuilder(skill, graph, settings)
+        self._poses = PoseQueryBuilder(skill, graph, settings)
         self._step = float(np.min(graph.grid.spacing))
 
     def guarding(self, collision: CollisionModel) -> ToolQueryBuilder:
@@ -223,7 +224,7 @@ class ToolQueryBuilder:
     def redirected(
         self, query: ToolQuery, start: np.ndarray, latent: np.ndarray, goal: ToolGoal
     ) -> ToolQuery | Verdict | None:
-        """As `QueryBuilder.redirected`: on from a configuration on the path of an older query."""
+        """As `PoseQueryBuilder.redirected`: on from a configuration on the path of an older query."""
         poses = self._poses.redirected(query.poses, _in_task(goal.frame, self._pose(start)), latent, goal.in_task)
         return poses if poses is None or isinstance(poses, Verdict) else self._for_arm(poses, goal.frame, start)
 
@@ -241,7 +242,7 @@ class ToolQueryBuilder:
         assert isinstance(found, ToolQuery)
         return found
 
-    def _for_arm(self, query: Query, frame: TaskFrame, start: np.ndarray, first: int = 0) -> ToolQuery | Verdict:
+    def _for_arm(self, query: PoseQuery, frame: TaskFrame, start: np.ndarray, first: int = 0) -> ToolQuery | Verdict:
         """A query of poses for the arm in a configuration (eta,) at its start, with the first swivel from a number on
         with which it can hold the base path; or why it cannot with that one.
         """
@@ -253,7 +254,7 @@ class ToolQueryBuilder:
             refusal = refusal or found
         return refusal or Verdict(VerdictCode.NO_FEASIBLE_PATH, "no other posture is left", **query.misfits)
 
-    def _in_posture(self, query: Query, frame: TaskFrame, start: np.ndarray, swivel: int) -> ToolQuery | Verdict:
+    def _in_posture(self, query: PoseQuery, frame: TaskFrame, start: np.ndarray, swivel: int) -> ToolQuery | Verdict:
         """A query of poses with the arm in the posture that follows from a configuration (eta,) and a swivel."""
         source = self._graph.node_near(query.start_latent, np.isfinite(query.to_goal), 3)
         if source is None:
@@ -289,7 +290,7 @@ class ToolQueryBuilder:
         )  # fmt: skip
 
     def _posture(
-        self, query: Query, frame: TaskFrame, nodes: np.ndarray, start: np.ndarray, swivel: int
+        self, query: PoseQuery, frame: TaskFrame, nodes: np.ndarray, start: np.ndarray, swivel: int
     ) -> Posture | str:
         """The posture along the base path, or where and why the arm cannot hold it."""
         polyline = np.concatenate([query.start_latent[None], self._graph.latent[nodes[1:]]])

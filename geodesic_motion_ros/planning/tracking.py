@@ -20,25 +20,26 @@ from dataclasses import dataclass
 import numpy as np
 
 from geodesic_motion_ros.planning import settings as constants
-from geodesic_motion_ros.planning.situation import TIME_ROUNDING
+from geodesic_motion_ros.planning.played import TIME_ROUNDING
 from geodesic_motion_ros.robot.collision_model import CollisionModel
 from geodesic_motion_ros.robot.kinematics import Robot
 
-#: What is measured counts for so long at least [s].
+#: A measurement counts for this time at least [s].
 COUNTED = 1.0
 #: An arm is no later than this [s]: where it is farther behind, that counts as an error.
 LATEST = 0.5
-#: Of times at which the arm was as near to where it is, within this [m], the newest counts.
+#: Distances from the present place that differ by less than this are the same [m]: the newest of them counts.
 _AS_NEAR = 5e-4
 
 
 @dataclass(frozen=True)
 class Tracking:
-    """How an arm follows what it is sent.
+    """How late, and how far off its path, an arm follows its commands.
 
     Attributes
     ----------
-    lag : the arm is where it was sent so long ago [s]; error : but for so much [m], the part that is farthest off.
+    lag : the arm is nearest to where it was sent this long ago [s].
+    error : the distance from there of the part of the arm that is farthest off [m].
     """
 
     lag: float = 0.0
@@ -80,7 +81,7 @@ class TrackingMonitor:
         self._with_goal_before, self._with_goal = self._with_goal, Tracking()
 
     def take_collision(self, collision: CollisionModel) -> None:
-        """The centres of other spheres are compared from now on; what was measured so far counts as long."""
+        """Compare the centres of other spheres from now on; earlier measurements count as long as before."""
         self._collision = collision
         self._sent.clear()
 

@@ -27,7 +27,7 @@ SMALLEST_DAMPING = 1e-4
 
 @dataclass(frozen=True)
 class Tolerance:
-    """How near a solution must be: position [m] and angle [rad]."""
+    """How near to the requested pose inverse kinematics must bring the tool: position [m] and angle [rad]."""
 
     position: float = 1e-5
     angle: float = 1e-4

@@ -107,7 +107,7 @@ GROUP_COLOURS: tuple[Colour, ...] = ((0.16, 0.50, 0.73), (0.93, 0.58, 0.12), (0.
 
 @dataclass(frozen=True, eq=False)
 class Guidance:
-    """What the teacher is about to show.
+    """One demonstration that the simulated teacher plans to show.
 
     Attributes
     ----------

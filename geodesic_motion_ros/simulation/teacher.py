@@ -88,7 +88,7 @@ PATH_COLOURS: tuple[Colour, ...] = ((0.16, 0.50, 0.73), (0.93, 0.58, 0.12))
 
 @dataclass(frozen=True, eq=False)
 class Motion:
-    """What the teacher is about to show.
+    """One demonstration that the simulated teacher plans to show.
 
     Attributes
     ----------
@@ -110,7 +110,7 @@ class Motion:
 
 @dataclass(frozen=True, eq=False)
 class Performance:
-    """What the arm did: the demonstration, its joint positions (T, 7) [rad] and how near it came to a body [m]."""
+    """A demonstration as the arm played it, its joint positions (T, 7) [rad], and how near it came to a body [m]."""
 
     demonstration: Demonstration
     joint_positions: np.ndarray

@@ -114,7 +114,7 @@ class JointWaypoints:
 
 
 class TrajectoryPlayer:
-    """What is desired of the joints at any time, as trajectories arrive; times are of one clock [s].
+    """Samples the trajectory that is played, as new ones arrive and take over; times are of one clock [s].
 
     Parameters
     ----------

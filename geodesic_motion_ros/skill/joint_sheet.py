@@ -20,9 +20,10 @@ from geodesic_motion_ros.skill.sheet import DemonstratedEnds
 
 @dataclass(frozen=True)
 class JointSheet(DemonstratedEnds):
-    """Canonical demonstrations (N) at S equally spaced fractions of their arcs, as their codes are.
+    """The N endpoint-normalised demonstrations of a skill of configurations, and how far each was moved for that.
 
-    Offsets are displacements of the eta joints [rad], from the pole of the demonstration's group.
+    They are sampled at S equally spaced fractions of their arcs, as their codes are. Offsets are displacements of the
+    eta joints [rad], from the pole of the demonstration's group.
 
     Attributes
     ----------

@@ -30,7 +30,7 @@ POSE_SCALE = np.repeat([1.0, METRES_PER_RADIAN], 3)
 
 @dataclass(frozen=True)
 class DemonstratedEnds:
-    """Where N demonstrations began and ended, and which modes they took in between.
+    """The starts and goals of N demonstrations, as offsets from the common ones, and the mode of each.
 
     Attributes
     ----------
@@ -100,9 +100,10 @@ class DemonstratedEnds:
 
 @dataclass(frozen=True)
 class CanonicalSheet(DemonstratedEnds):
-    """Canonical demonstrations (N) at S equally spaced fractions of their arcs, as their codes are.
+    """The N endpoint-normalised demonstrations of a skill of tool poses, and how far each was moved for that.
 
-    Offsets are a translation [m] and a rotation vector [rad], D = 6.
+    They are sampled at S equally spaced fractions of their arcs, as their codes are. Offsets are a translation [m] and
+    a rotation vector [rad], D = 6.
 
     Attributes
     ----------

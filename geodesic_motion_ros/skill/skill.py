@@ -51,7 +51,7 @@ ENDPOINT_MULTIPLE = 3.0
 
 @dataclass(frozen=True, kw_only=True)
 class LearnedModel:
-    """What a training has come to, and all that its graph follows from.
+    """The result of a training: the decoder, and all else that the latent graph is made of.
 
     Attributes
     ----------

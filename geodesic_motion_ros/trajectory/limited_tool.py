@@ -32,7 +32,7 @@ _FADING_SPEED = 0.066
 
 @dataclass(frozen=True)
 class LimitedTool:
-    """The tool of a robot, with limits."""
+    """Makes the limits of the tool's speed and acceleration constraints of a path of joint configurations."""
 
     robot: Robot
     limits: ToolLimits

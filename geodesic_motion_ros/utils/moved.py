@@ -27,7 +27,11 @@ OLD_PATHS = {
     "verdict": "planning.status",
 }
 #: What is to be used in the place of names that are no more.
-_INSTEAD = {"joint_planner.JointSpacePlanner": "planning.planner.ReactivePlanner"}
+_INSTEAD = {
+    "joint_planner.JointSpacePlanner": "planning.planner.ReactivePlanner",
+    "query.Query": "planning.pose_query.PoseQuery",
+    "query.QueryBuilder": "planning.pose_query.PoseQueryBuilder",
+}
 #: Names that have left their module since.
 _LEFT = {
     "manifold.joint_training.JointTrainingSettings": "learning.settings",

@@ -9,19 +9,19 @@ import pytest
 
 from geodesic_motion_ros.manifold.any_path import any_path
 from geodesic_motion_ros.manifold.bidirectional_astar import ShortestPath
-from geodesic_motion_ros.manifold.obstacle_weights import Reshaping, evaluate_nodes
+from geodesic_motion_ros.manifold.obstacle_weights import NodeEvaluation, evaluate_nodes
 from geodesic_motion_ros.manifold.shortest_path import cost_field
 from geodesic_motion_ros.utils.deadline import NEVER, Deadline
 
 SHAPE, NEIGHBOURS = (20, 20, 20), 26
 
 
-def found(scene, reshaping: Reshaping, deadline: Deadline = NEVER) -> ShortestPath:
+def found(scene, evaluation: NodeEvaluation, deadline: Deadline = NEVER) -> ShortestPath:
     """Any path from one end of a scene to the other."""
     source, target = 3, len(scene.points) - 3
     adjacency = scene.adjacency
-    evaluate_nodes(np.array([source]), reshaping)
-    graph = adjacency.first, adjacency.node, adjacency.edge, scene.base, scene.fixed, scene.shares, reshaping, 0.0
+    evaluate_nodes(np.array([source]), evaluation)
+    graph = adjacency.first, adjacency.node, adjacency.edge, scene.base, scene.fixed, scene.shares, evaluation, 0.0
     fields = (cost_field(adjacency, scene.base, end) for end in (target, source))
     nodes, edges = np.empty((2, len(scene.points)), dtype=np.int32)
     cost, count, least = any_path(adjacency, graph, *fields, source, target, deadline, nodes, edges)
@@ -35,13 +35,13 @@ def test_it_is_a_path_that_costs_what_it_says_and_few_nodes_are_looked_at(Scene)
         ends = 3, len(scene.points) - 3
         middle = scene.from_both_ends(scene.reshaped(0), 0.0, *ends).nodes
         around = scene.points[middle[len(middle) // 2], 0][None], np.array([0.3])
-        reshaping, again = scene.among(*around), scene.among(*around)
-        some = found(scene, reshaping)
-        scene.check(some, reshaping, 0.0, *ends)
+        evaluation, again = scene.among(*around), scene.among(*around)
+        some = found(scene, evaluation)
+        scene.check(some, evaluation, 0.0, *ends)
         cheapest = scene.from_both_ends(again, 0.0, *ends)
         assert cheapest.cost * (1.0 - 1e-12) <= some.cost < 5.0 * cheapest.cost
         dearer += some.cost > cheapest.cost * (1.0 + 1e-9)
-        assert np.count_nonzero(reshaping.evaluated) <= np.count_nonzero(again.evaluated)
+        assert np.count_nonzero(evaluation.evaluated) <= np.count_nonzero(again.evaluated)
     assert dearer > 0
 
 

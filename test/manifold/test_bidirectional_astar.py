@@ -23,13 +23,13 @@ SHAPES = [((25, 25), 8), ((25, 25), 16), ((9, 9, 9), 26), ((5, 5, 5, 5), 80)]
 def test_from_both_ends_the_cost_is_the_same(Scene, seed, shape, neighbours):
     scene = Scene(seed, shape, neighbours)
     for obstacles in (0, 1, 5):
-        reshaping = scene.reshaped(obstacles)
+        evaluation = scene.reshaped(obstacles)
         source, target, landmark = scene.random.choice(len(scene.points), 3, replace=False)
         to_target = cost_field(scene.adjacency, scene.base, target)
         for margin in (0.0, 0.05):
-            expected = scene.oracle(reshaping, margin, source, target)
+            expected = scene.oracle(evaluation, margin, source, target)
             for near in (source, landmark):
-                unseen = scene.among(reshaping.centres, reshaping.radii)
+                unseen = scene.among(evaluation.centres, evaluation.radii)
                 graph = scene.adjacency, scene.base, scene.fixed, scene.shares, unseen, margin
                 ends = to_target, cost_field(scene.adjacency, scene.base, near), source, target
                 found = shortest_path_from_both_ends(*graph, *ends)
@@ -68,14 +68,14 @@ def test_when_all_obstacles_have_vanished_the_path_is_what_it_was_to_the_last_bi
     for _ in range(40):
         obstacles = scene.obstacles(*scene.random.integers(0, 3, size=3))
         scene.from_both_ends(scene.among_all(obstacles), 0.01, *scene.random.choice(len(scene.points), 2))
-    reshaping = scene.reshaped(0)
-    after = scene.from_both_ends(reshaping, 0.0, source, target)
+    evaluation = scene.reshaped(0)
+    after = scene.from_both_ends(evaluation, 0.0, source, target)
     np.testing.assert_array_equal(after.nodes, before.nodes)
     np.testing.assert_array_equal(after.edges, before.edges)
     assert after.cost == before.cost
-    evaluate_nodes(np.arange(len(scene.points)), reshaping)
-    np.testing.assert_array_equal(reshaping.factors, 1.0)
-    assert not np.any(reshaping.affected)
+    evaluate_nodes(np.arange(len(scene.points)), evaluation)
+    np.testing.assert_array_equal(evaluation.factors, 1.0)
+    assert not np.any(evaluation.affected)
 
 
 def test_the_order_of_obstacles_does_not_matter_and_one_far_away_changes_nothing(Scene):
@@ -94,15 +94,15 @@ def test_the_order_of_obstacles_does_not_matter_and_one_far_away_changes_nothing
 
 def test_with_its_axes_exchanged_a_graph_has_the_exchanged_path(Scene):
     scene = Scene(6, (25, 25), 8)
-    reshaping = scene.reshaped(3)
+    evaluation = scene.reshaped(3)
     source, target = 3, len(scene.points) - 3
-    found = scene.from_both_ends(reshaping, 0.0, source, target)
+    found = scene.from_both_ends(evaluation, 0.0, source, target)
     order = scene.random.permutation(len(scene.points))
     number = np.argsort(order)
     exchanged = Scene(6, (25, 25), 8)
     exchanged.points, exchanged.edges = scene.points[order], number[scene.edges]
     exchanged.adjacency = Adjacency.from_edges(exchanged.edges, len(order))
-    among = exchanged.among(reshaping.centres, reshaping.radii)
+    among = exchanged.among(evaluation.centres, evaluation.radii)
     again = exchanged.from_both_ends(among, 0.0, number[source], number[target])
     assert again.cost == pytest.approx(found.cost, rel=1e-12)
     np.testing.assert_array_equal(order[again.nodes], found.nodes)
@@ -150,18 +150,18 @@ def test_stopped_at_any_time_the_answer_is_a_path_with_a_true_gap_or_none_with_a
     for seed in range(6):
         scene = Scene(seed, shape, neighbours)
         ends = 3, len(scene.points) - 3
-        reshaping = scene.reshaped(8)
-        whole = scene.from_both_ends(reshaping, 0.0, *ends)
+        evaluation = scene.reshaped(8)
+        whole = scene.from_both_ends(evaluation, 0.0, *ends)
         assert whole.bound == whole.cost
         assert whole.gap == 0.0
         bound, cost = 0.0, np.inf
         for times in itertools.count(1):
-            found = scene.from_both_ends(reshaping, 0.0, *ends, deadline=Countdown(times))
+            found = scene.from_both_ends(evaluation, 0.0, *ends, deadline=Countdown(times))
             assert bound <= found.bound <= whole.cost * (1.0 + 1e-12)
             assert whole.cost * (1.0 - 1e-12) <= found.cost <= cost
             bound, cost = found.bound, found.cost
             if np.isfinite(cost):
-                scene.check(found, reshaping, 0.0, *ends)
+                scene.check(found, evaluation, 0.0, *ends)
                 assert cost <= (1.0 + found.gap) * whole.cost * (1.0 + 1e-12)
             else:
                 assert len(found.nodes) == 0
@@ -181,17 +181,17 @@ def test_a_search_in_a_hurry_finds_some_path_long_before_the_cheapest(Scene, mon
     path = scene.points[scene.from_both_ends(scene.reshaped(0), 0.0, *ends).nodes, 0]
     middle = path[len(path) // 2]
     for radius in (0.2, 0.4):
-        reshaping = scene.among(middle[None], np.array([radius]))
-        whole = scene.from_both_ends(reshaping, 0.0, *ends)
+        evaluation = scene.among(middle[None], np.array([radius]))
+        whole = scene.from_both_ends(evaluation, 0.0, *ends)
         answers = []
         for looks in (1 << 30, patience):
             monkeypatch.setattr(searches, "_PATIENCE", looks)
-            answers.append(scene.from_both_ends(reshaping, 0.0, *ends, deadline=Countdown(patience + 6)))
+            answers.append(scene.from_both_ends(evaluation, 0.0, *ends, deadline=Countdown(patience + 6)))
         slow, hurried = answers
         assert math.isinf(slow.cost)
         assert whole.cost < hurried.cost < 5.0 * whole.cost
         assert hurried.bound < whole.cost
-        scene.check(hurried, reshaping, 0.0, *ends)
+        scene.check(hurried, evaluation, 0.0, *ends)
 
 
 def test_a_search_in_a_hurry_that_has_reached_every_node_it_can_knows_that_there_is_no_path(Scene, monkeypatch):
@@ -201,8 +201,8 @@ def test_a_search_in_a_hurry_that_has_reached_every_node_it_can_knows_that_there
     ends = 3, len(scene.points) - 3
     from_start = np.linalg.norm(scene.points[:, 0] - scene.points[ends[0], 0], axis=1)
     shell = scene.points[np.abs(from_start - 0.8) < 0.1, 0]
-    reshaping = scene.among(shell, np.full(len(shell), 0.1))
+    evaluation = scene.among(shell, np.full(len(shell), 0.1))
     # All that is left of the search is the look at the time at its begin: what is proved is proved by the other one.
     monkeypatch.setattr(searches, "_go_on", lambda *arguments: (np.inf, -1, 0.0))
-    found = scene.from_both_ends(reshaping, 0.0, *ends, deadline=Countdown(100))
+    found = scene.from_both_ends(evaluation, 0.0, *ends, deadline=Countdown(100))
     assert (len(found.nodes), found.cost, found.bound) == (0, np.inf, np.inf)

@@ -11,7 +11,7 @@ from geodesic_motion_ros.manifold.grid import Adjacency, LatentGrid
 from geodesic_motion_ros.manifold.mean_path import MeanPaths
 from geodesic_motion_ros.manifold.metric_field import MetricField, curve_length, evenly, packed_tensors, piecewise
 from geodesic_motion_ros.manifold.node_body import NodeBody
-from geodesic_motion_ros.manifold.obstacle_weights import Reshaping, evaluate_nodes
+from geodesic_motion_ros.manifold.obstacle_weights import NodeEvaluation, evaluate_nodes
 from geodesic_motion_ros.manifold.shortest_path import cost_field, shortest_path
 from geodesic_motion_ros.obstacles.obstacles import Obstacles
 
@@ -52,35 +52,35 @@ class Scene:
         self.shares = factor[:, None] * np.sum((self.points[second] - self.points[first]) ** 2, axis=-1)
         self.fixed = factor * 0.05 * np.sum(step**2, axis=1)
 
-    def among(self, centres: np.ndarray, radius: float) -> Reshaping:
+    def among(self, centres: np.ndarray, radius: float) -> NodeEvaluation:
         body = NodeBody.of_tool(self.points, np.array([0.05]))
         obstacles = Obstacles.of_spheres(centres, np.full(len(centres), radius))
-        return Reshaping.of(body, obstacles, 1e3, 0.5, 4.0 * MARGIN)
+        return NodeEvaluation.of(body, obstacles, 1e3, 0.5, 4.0 * MARGIN)
 
-    def free(self) -> Reshaping:
+    def free(self) -> NodeEvaluation:
         return self.among(np.empty((0, 3)), 0.1)
 
-    def path(self, reshaping: Reshaping) -> np.ndarray:
+    def path(self, evaluation: NodeEvaluation) -> np.ndarray:
         """Between two random nodes that are far from each other and from obstacles; empty where there is none."""
-        evaluate_nodes(np.arange(len(self.latent)), reshaping)
-        free = np.flatnonzero(reshaping.clearance >= MARGIN)
+        evaluate_nodes(np.arange(len(self.latent)), evaluation)
+        free = np.flatnonzero(evaluation.clearance >= MARGIN)
         while True:
             source, target = self.random.choice(free, 2)
             if np.linalg.norm(self.latent[source] - self.latent[target]) > 1.0:
                 break
         base = np.sqrt(self.fixed + self.shares.sum(axis=1))
         nodes, _, _ = shortest_path(
-            self.adjacency, base, self.fixed, self.shares, reshaping, MARGIN,
+            self.adjacency, base, self.fixed, self.shares, evaluation, MARGIN,
             cost_field(self.adjacency, base, target), source, target,
         )  # fmt: skip
         return self.latent[nodes]
 
 
-def _faults(scene: Scene, reshaping: Reshaping, curve: np.ndarray) -> int:
+def _faults(scene: Scene, evaluation: NodeEvaluation, curve: np.ndarray) -> int:
     """Of places along a curve, one a step of the grid."""
     coordinates = scene.field.coordinates(curve)
     cells = math.ceil(np.linalg.norm(np.diff(coordinates, axis=0), axis=1).sum())
-    _, support, clearance = piecewise(scene.field, reshaping, evenly(coordinates, cells))
+    _, support, clearance = piecewise(scene.field, evaluation, evenly(coordinates, cells))
     return int(np.count_nonzero((support < 0.5) | (clearance < MARGIN)))
 
 
@@ -90,18 +90,18 @@ def _faults(scene: Scene, reshaping: Reshaping, curve: np.ndarray) -> int:
 def test_refined_is_between_the_same_ends_and_never_longer_whatever_obstacles_there_are(shape, neighbours, kept, seed):
     scene = Scene(shape, neighbours, seed, kept)
     for count in (0, 3):
-        reshaping = scene.among(scene.points[scene.random.integers(len(scene.points), size=count), 0], 0.12)
-        path = scene.path(reshaping)
+        evaluation = scene.among(scene.points[scene.random.integers(len(scene.points), size=count), 0], 0.12)
+        path = scene.path(evaluation)
         if len(path) < 2:
             continue
-        curve = refined(scene.field, reshaping, MARGIN, path)
+        curve = refined(scene.field, evaluation, MARGIN, path)
         np.testing.assert_allclose(curve[[0, -1]], path[[0, -1]], rtol=0.0, atol=1e-12)
         # Judged by other pieces than those that the refinement went by.
-        lengths = [curve_length(scene.field, reshaping, one, 3000) for one in (curve, path)]
+        lengths = [curve_length(scene.field, evaluation, one, 3000) for one in (curve, path)]
         assert lengths[0] <= 1.02 * lengths[1]
         if kept == 1.0:
-            assert _faults(scene, reshaping, curve) <= _faults(scene, reshaping, path) + 1
-        assert np.array_equal(curve, refined(scene.field, reshaping, MARGIN, path))
+            assert _faults(scene, evaluation, curve) <= _faults(scene, evaluation, path) + 1
+        assert np.array_equal(curve, refined(scene.field, evaluation, MARGIN, path))
 
 
 def test_where_the_metric_changes_within_a_piece_it_is_no_longer_than_what_was_begun_from():
@@ -142,27 +142,27 @@ def test_in_a_flat_space_it_is_straight():
 def test_among_obstacles_it_keeps_off_them_where_straightening_alone_would_not():
     scene = Scene((31, 31), 8, drawn=False)
     middle = len(scene.latent) // 2
-    reshaping = scene.among(scene.points[middle], 0.2)
+    evaluation = scene.among(scene.points[middle], 0.2)
     ends = np.array([[-0.9, 0.0], [0.9, 0.0]])
     source, target = (int(np.argmin(np.sum((scene.latent - end) ** 2, axis=1))) for end in ends)
     base = np.sqrt(scene.fixed + scene.shares.sum(axis=1))
     nodes, _, _ = shortest_path(
-        scene.adjacency, base, scene.fixed, scene.shares, reshaping, MARGIN,
+        scene.adjacency, base, scene.fixed, scene.shares, evaluation, MARGIN,
         cost_field(scene.adjacency, base, target), source, target,
     )  # fmt: skip
     path = scene.latent[nodes]
-    curve = refined(scene.field, reshaping, MARGIN, path)
+    curve = refined(scene.field, evaluation, MARGIN, path)
     straight = scene.latent[[source, target]]
-    assert _faults(scene, reshaping, straight) > 0
-    assert _faults(scene, reshaping, curve) == 0
-    lengths = [curve_length(scene.field, reshaping, one) for one in (curve, path, straight)]
+    assert _faults(scene, evaluation, straight) > 0
+    assert _faults(scene, evaluation, curve) == 0
+    lengths = [curve_length(scene.field, evaluation, one) for one in (curve, path, straight)]
     assert lengths[0] < lengths[1] < lengths[2]
 
 
 @pytest.mark.parametrize(("shape", "neighbours"), SHAPES)
 def test_the_gradient_is_that_of_the_energy_and_the_hessian_is_positive(shape, neighbours):
     scene = Scene(shape, neighbours, seed=3)
-    reshaping = scene.among(scene.points[[len(scene.points) // 2], 0], 0.15)
+    evaluation = scene.among(scene.points[[len(scene.points) // 2], 0], 0.15)
     field, d, count = scene.field, len(shape), 9
     curve = field.coordinates(np.linspace(-0.7, 0.63, count + 1)[:, None] * np.ones(d))
     curve += 0.2 * scene.random.normal(size=curve.shape)
@@ -171,7 +171,7 @@ def test_the_gradient_is_that_of_the_energy_and_the_hessian_is_positive(shape, n
     blocks = np.empty((count + 1, d)), np.empty((count + 1, d, d)), np.empty((count, d, d))
 
     def energy(points: np.ndarray) -> float:
-        return _assemble(field, reshaping, points, weights, nearest, *rest, *blocks)
+        return _assemble(field, evaluation, points, weights, nearest, *rest, *blocks)
 
     energy(curve)
     gradient, diagonal, beside = (block.copy() for block in blocks)
@@ -206,16 +206,16 @@ def test_the_gradient_is_that_of_the_energy_and_the_hessian_is_positive(shape, n
 @pytest.mark.parametrize("seed", range(3))
 def test_it_comes_close_to_what_a_slow_descent_finds_and_the_graphs_path_does_not(seed):
     scene = Scene((15, 15, 15), 26, seed)
-    reshaping = scene.free()
-    path = scene.path(reshaping)
-    curve = refined(scene.field, reshaping, MARGIN, path)
-    lengths = [curve_length(scene.field, reshaping, one) for one in (path, curve)]
-    best = min(lengths[1], curve_length(scene.field, reshaping, _descended(scene, reshaping, path)))
+    evaluation = scene.free()
+    path = scene.path(evaluation)
+    curve = refined(scene.field, evaluation, MARGIN, path)
+    lengths = [curve_length(scene.field, evaluation, one) for one in (path, curve)]
+    best = min(lengths[1], curve_length(scene.field, evaluation, _descended(scene, evaluation, path)))
     assert lengths[1] <= 1.02 * best
     assert lengths[0] > 1.02 * best
 
 
-def _descended(scene: Scene, reshaping: Reshaping, path: np.ndarray) -> np.ndarray:
+def _descended(scene: Scene, evaluation: NodeEvaluation, path: np.ndarray) -> np.ndarray:
     """L-BFGS on the energy of many pieces, with differences for derivatives."""
     points = evenly(scene.field.coordinates(path), 60)
     shape = points[1:-1].shape
@@ -231,9 +231,9 @@ def _descended(scene: Scene, reshaping: Reshaping, path: np.ndarray) -> np.ndarr
                 ahead, behind = curve.copy(), curve.copy()
                 ahead[moved, axis] += 1e-5
                 behind[moved, axis] -= 1e-5
-                change = piecewise(scene.field, reshaping, ahead)[0] - piecewise(scene.field, reshaping, behind)[0]
+                change = piecewise(scene.field, evaluation, ahead)[0] - piecewise(scene.field, evaluation, behind)[0]
                 slopes[moved, axis] = (change[moved - 1] + change[moved]) / 2e-5
-        return float(piecewise(scene.field, reshaping, curve)[0].sum()), slopes[1:-1].reshape(-1)
+        return float(piecewise(scene.field, evaluation, curve)[0].sum()), slopes[1:-1].reshape(-1)
 
     found = minimize(energy, points[1:-1].reshape(-1), jac=True, method="L-BFGS-B", options={"maxiter": 300})
     return scene.field.latent(placed(found.x))

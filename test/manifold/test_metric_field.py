@@ -17,7 +17,7 @@ from geodesic_motion_ros.manifold.metric_field import (
     piecewise,
 )
 from geodesic_motion_ros.manifold.node_body import NodeBody
-from geodesic_motion_ros.manifold.obstacle_weights import Reshaping, evaluate_nodes
+from geodesic_motion_ros.manifold.obstacle_weights import NodeEvaluation, evaluate_nodes
 from geodesic_motion_ros.obstacles.obstacles import Obstacles
 
 SHAPES = [(12, 10), (7, 8, 6), (5, 4, 5, 4)]
@@ -43,8 +43,8 @@ class Scene:
         tensors = packed_tensors((every * (self.place.T @ self.place * unit))[:, None], every * (self.rest * unit))
         self.field = MetricField.of(self.grid, self.grid.numbering(mask), tensors, mean_paths)
 
-    def among(self, obstacles: Obstacles) -> Reshaping:
-        return Reshaping.of(NodeBody.of_tool(self.points, np.array([0.05])), obstacles, 1e3, 0.5, 0.02)
+    def among(self, obstacles: Obstacles) -> NodeEvaluation:
+        return NodeEvaluation.of(NodeBody.of_tool(self.points, np.array([0.05])), obstacles, 1e3, 0.5, 0.02)
 
 
 def _spheres(centres: np.ndarray, radius: float) -> Obstacles:
@@ -65,13 +65,13 @@ def test_a_flat_metric_is_flat_between_the_nodes_and_beside_missing_ones(shape, 
 def test_an_obstacle_stretches_the_share_of_the_body_point(shape):
     scene = Scene(shape)
     node = len(scene.nodes) // 2
-    reshaping = scene.among(_spheres(scene.points[node] + [0.0, 0.0, 0.13], 0.1))
-    evaluate_nodes(np.array([node]), reshaping)
-    factor = reshaping.factors[node, 0]
+    evaluation = scene.among(_spheres(scene.points[node] + [0.0, 0.0, 0.13], 0.1))
+    evaluate_nodes(np.array([node]), evaluation)
+    factor = evaluation.factors[node, 0]
     assert factor > 1.0
     step = 1e-6 * scene.random.normal(size=len(shape))
     at = scene.field.coordinates(scene.nodes[node] + np.stack([-step, step]))
-    energies, support, _ = piecewise(scene.field, reshaping, at)
+    energies, support, _ = piecewise(scene.field, evaluation, at)
     expected = factor * np.sum((scene.place @ (2.0 * step)) ** 2) + 4.0 * step @ scene.rest @ step
     assert energies[0] == pytest.approx(expected, rel=1e-3)
     assert support[0] == pytest.approx(1.0)
@@ -79,11 +79,11 @@ def test_an_obstacle_stretches_the_share_of_the_body_point(shape):
 
 def test_clearance_lies_between_that_of_the_nodes_around():
     scene = Scene((12, 10))
-    reshaping = scene.among(_spheres(scene.points[40], 0.05))
+    evaluation = scene.among(_spheres(scene.points[40], 0.05))
     points = scene.field.coordinates(scene.random.uniform(-1.0, 1.0, size=(200, 2)))
-    _, _, clearance = piecewise(scene.field, reshaping, np.repeat(points, 2, axis=0))
-    evaluate_nodes(np.arange(len(scene.nodes)), reshaping)
-    known = np.minimum(reshaping.clearance, reshaping.within)
+    _, _, clearance = piecewise(scene.field, evaluation, np.repeat(points, 2, axis=0))
+    evaluate_nodes(np.arange(len(scene.nodes)), evaluation)
+    known = np.minimum(evaluation.clearance, evaluation.within)
     assert known.min() < 0.0
     for point, found in zip(points, clearance[::2], strict=True):
         around = np.all(np.abs(scene.field.coordinates(scene.nodes) - point) < 1.0, axis=1)
@@ -92,8 +92,8 @@ def test_clearance_lies_between_that_of_the_nodes_around():
 
 def test_where_no_node_is_near_there_is_no_length():
     scene = Scene((12, 10), kept=0.3)
-    reshaping = scene.among(Obstacles.none())
-    assert curve_length(scene.field, reshaping, np.array([[-1.0, -1.0], [1.0, 1.0]])) == math.inf
+    evaluation = scene.among(Obstacles.none())
+    assert curve_length(scene.field, evaluation, np.array([[-1.0, -1.0], [1.0, 1.0]])) == math.inf
 
 
 def _mean_paths(d: int, seed: int) -> MeanPaths:

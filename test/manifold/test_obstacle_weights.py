@@ -12,7 +12,7 @@ from geodesic_motion_ros.geometry.distance_field import DistanceField
 from geodesic_motion_ros.geometry.shapes import solid_rows
 from geodesic_motion_ros.manifold.ambient_metric import ambient_factor, cloud_factor, obstacle_clearances, solid_factor
 from geodesic_motion_ros.manifold.node_body import LinkBounds, NodeBody
-from geodesic_motion_ros.manifold.obstacle_weights import Reshaping, evaluate_nodes, first_clear
+from geodesic_motion_ros.manifold.obstacle_weights import NodeEvaluation, evaluate_nodes, first_clear
 from geodesic_motion_ros.obstacles.obstacles import Obstacles
 from geodesic_motion_ros.robot.collision_model import CollisionModel
 from geodesic_motion_ros.robot.kinematics import Robot
@@ -61,25 +61,25 @@ def factor(x: float, y: float, z: float, radius: float, around: Obstacles) -> fl
 @pytest.mark.parametrize("within", [0.0, 0.02, 0.5])
 def test_factors_and_clearances_are_those_of_all_pairs(count: int, solids: int, cloud: int, within: float) -> None:
     arm, around = body(), with_solids_and_cloud(obstacles(count), solids, cloud)
-    reshaping = Reshaping.of(arm, around, 1e3, 0.5, within)
-    evaluate_nodes(np.arange(len(reshaping.evaluated)), reshaping)
+    evaluation = NodeEvaluation.of(arm, around, 1e3, 0.5, within)
+    evaluate_nodes(np.arange(len(evaluation.evaluated)), evaluation)
     expected = [[factor(*x, r, around) for x, r in zip(node, arm.point_radii, strict=True)] for node in arm.points]
-    np.testing.assert_allclose(reshaping.factors, expected, rtol=1e-12)
-    np.testing.assert_array_equal(reshaping.affected, (reshaping.factors > 1.0).any(axis=1))
+    np.testing.assert_allclose(evaluation.factors, expected, rtol=1e-12)
+    np.testing.assert_array_equal(evaluation.affected, (evaluation.factors > 1.0).any(axis=1))
     clearance = obstacle_clearances(arm.spheres, arm.sphere_radii, around, within)
-    np.testing.assert_allclose(reshaping.clearance, clearance, atol=1e-12)
+    np.testing.assert_allclose(evaluation.clearance, clearance, atol=1e-12)
     if count + solids + cloud > 1:
-        assert np.any(reshaping.affected)
-        assert np.any(reshaping.clearance < 0.0)
+        assert np.any(evaluation.affected)
+        assert np.any(evaluation.clearance < 0.0)
 
 
 def test_obstacles_out_of_reach_are_left_out() -> None:
     around = with_solids_and_cloud(obstacles(5), 5, 0)
     around.centres[2:] += [0.0, 0.0, 5.0]
     around.solids[3:, :3] += [0.0, 0.0, 5.0]
-    reshaping = Reshaping.of(body(), around, 1e3, 0.5, 0.1)
-    np.testing.assert_array_equal(reshaping.centres, around.centres[:2])
-    np.testing.assert_array_equal(reshaping.solids, around.solids[:3])
+    evaluation = NodeEvaluation.of(body(), around, 1e3, 0.5, 0.1)
+    np.testing.assert_array_equal(evaluation.centres, around.centres[:2])
+    np.testing.assert_array_equal(evaluation.solids, around.solids[:3])
 
 
 @pytest.mark.parametrize("size", [1e3, 1e30, 1e150])
@@ -90,32 +90,32 @@ def test_an_obstacle_may_be_larger_than_the_world(size: float) -> None:
     box = replace(Obstacles.none(), solids=ground, solid_velocities=np.zeros((1, 3)))
     sphere = Obstacles.of_spheres(np.array([[0.0, 0.0, 0.3]]), np.array([size]))
     for around in (box, sphere):
-        reshaping = Reshaping.of(arm, around, 1e3, 0.5, 0.02)
-        evaluate_nodes(np.arange(NODES), reshaping)
+        evaluation = NodeEvaluation.of(arm, around, 1e3, 0.5, 0.02)
+        evaluate_nodes(np.arange(NODES), evaluation)
         expected = obstacle_clearances(arm.spheres, arm.sphere_radii, around, 0.02)
-        np.testing.assert_array_equal(reshaping.clearance < 0.0, expected < 0.0)
-        assert np.all(np.isfinite(reshaping.factors))
-        assert np.any(reshaping.clearance < 0.0)
+        np.testing.assert_array_equal(evaluation.clearance < 0.0, expected < 0.0)
+        assert np.all(np.isfinite(evaluation.factors))
+        assert np.any(evaluation.clearance < 0.0)
 
 
 def test_a_node_is_looked_at_once_and_alone() -> None:
-    reshaping = Reshaping.of(body(), obstacles(12), 1e3, 0.5, 0.1)
-    evaluate_nodes(np.array([7]), reshaping)
-    assert np.flatnonzero(reshaping.evaluated).tolist() == [7]
-    reshaping.factors[7] = -1.0
-    evaluate_nodes(np.array([7]), reshaping)
-    assert np.all(reshaping.factors[7] == -1.0)
+    evaluation = NodeEvaluation.of(body(), obstacles(12), 1e3, 0.5, 0.1)
+    evaluate_nodes(np.array([7]), evaluation)
+    assert np.flatnonzero(evaluation.evaluated).tolist() == [7]
+    evaluation.factors[7] = -1.0
+    evaluate_nodes(np.array([7]), evaluation)
+    assert np.all(evaluation.factors[7] == -1.0)
 
 
 def test_the_first_clear_node_is_found_without_a_look_at_those_after_it() -> None:
-    margin, whole = 0.02, Reshaping.of(body(), obstacles(12), 1e3, 0.5, 0.1)
+    margin, whole = 0.02, NodeEvaluation.of(body(), obstacles(12), 1e3, 0.5, 0.1)
     evaluate_nodes(np.arange(NODES), whole)
     nodes = np.argsort(whole.clearance, kind="stable")
     number = int(np.argmax(whole.clearance[nodes] >= margin))
     assert 0 < number < NODES - 1
-    reshaping = Reshaping.of(body(), obstacles(12), 1e3, 0.5, 0.1)
-    assert first_clear(nodes, -1, reshaping, margin) == nodes[number]
-    assert np.flatnonzero(reshaping.evaluated).tolist() == sorted(nodes[: number + 1].tolist())
+    evaluation = NodeEvaluation.of(body(), obstacles(12), 1e3, 0.5, 0.1)
+    assert first_clear(nodes, -1, evaluation, margin) == nodes[number]
+    assert np.flatnonzero(evaluation.evaluated).tolist() == sorted(nodes[: number + 1].tolist())
     # A goal may be nearer to an obstacle.
-    assert first_clear(nodes, int(nodes[0]), reshaping, margin) == nodes[0]
-    assert first_clear(nodes[:number], -1, reshaping, margin) == -1
+    assert first_clear(nodes, int(nodes[0]), evaluation, margin) == nodes[0]
+    assert first_clear(nodes[:number], -1, evaluation, margin) == -1

@@ -16,12 +16,12 @@ SHAPES = [((25, 25), 8), ((25, 25), 16), ((9, 9, 9), 26), ((5, 5, 5, 5), 80)]
 def test_the_cost_is_that_of_dijkstra(Scene, seed, shape, neighbours):
     scene = Scene(seed, shape, neighbours)
     for obstacles in (0, 1, 5):
-        reshaping = scene.reshaped(obstacles)
+        evaluation = scene.reshaped(obstacles)
         source, target = scene.random.choice(len(scene.points), 2, replace=False)
         for margin in (0.0, 0.05):
             costs = []
             for heuristic in (True, False):
-                unseen = scene.among(reshaping.centres, reshaping.radii)
+                unseen = scene.among(evaluation.centres, evaluation.radii)
                 nodes, edges, cost = scene.solve(unseen, margin, source, target, heuristic)
                 costs.append(cost)
                 if np.isfinite(cost):
@@ -32,7 +32,7 @@ def test_the_cost_is_that_of_dijkstra(Scene, seed, shape, neighbours):
                         for e, u, v in zip(edges, nodes[:-1], nodes[1:], strict=True)
                     ]
                     assert sum(along) == pytest.approx(cost, rel=1e-12)
-            assert costs == pytest.approx([scene.oracle(reshaping, margin, source, target)] * 2, rel=1e-9)
+            assert costs == pytest.approx([scene.oracle(evaluation, margin, source, target)] * 2, rel=1e-9)
 
 
 @pytest.mark.parametrize("law", LAWS)
@@ -66,10 +66,10 @@ def test_when_all_obstacles_have_vanished_every_weight_is_what_it_was(Scene):
 def test_the_obstacle_free_field_is_a_consistent_heuristic_under_obstacles(Scene):
     scene = Scene(3, (20, 20), 16)
     field = cost_field(scene.adjacency, scene.base, 7)
-    reshaping = scene.reshaped(6)
-    evaluate_nodes(np.arange(len(reshaping.evaluated)), reshaping)
+    evaluation = scene.reshaped(6)
+    evaluate_nodes(np.arange(len(evaluation.evaluated)), evaluation)
     weights = [
-        edge_weight(scene.fixed, scene.shares, reshaping.factors, e, u, v) for e, (u, v) in enumerate(scene.edges)
+        edge_weight(scene.fixed, scene.shares, evaluation.factors, e, u, v) for e, (u, v) in enumerate(scene.edges)
     ]
     reached = np.isfinite(field[scene.edges[:, 0]])
     jump = np.abs(field[scene.edges[reached, 0]] - field[scene.edges[reached, 1]])
@@ -120,19 +120,19 @@ def test_without_obstacles_the_short_form_finds_the_same_path(Scene):
 
 def test_only_what_the_search_reaches_is_looked_at(Scene):
     scene = Scene(2, (20, 20), 16)
-    reshaping = scene.reshaped(3)
-    scene.solve(reshaping, 0.0, 200, 11)
-    assert 0 < np.count_nonzero(reshaping.evaluated) < len(reshaping.evaluated)
+    evaluation = scene.reshaped(3)
+    scene.solve(evaluation, 0.0, 200, 11)
+    assert 0 < np.count_nonzero(evaluation.evaluated) < len(evaluation.evaluated)
 
 
 def test_shares_of_edges_that_no_obstacle_touches_are_never_read(Scene):
     scene = Scene(2, (20, 20), 16)
-    reshaping = scene.reshaped(3)
-    expected = scene.solve(reshaping, 0.0, 200, 11)
-    evaluate_nodes(np.arange(len(reshaping.evaluated)), reshaping)
-    untouched = ~reshaping.affected[scene.edges].any(axis=1)
+    evaluation = scene.reshaped(3)
+    expected = scene.solve(evaluation, 0.0, 200, 11)
+    evaluate_nodes(np.arange(len(evaluation.evaluated)), evaluation)
+    untouched = ~evaluation.affected[scene.edges].any(axis=1)
     assert 0 < np.count_nonzero(untouched) < len(untouched)
     scene.shares[untouched] = np.nan
-    nodes, _, cost = scene.solve(scene.among(reshaping.centres, reshaping.radii), 0.0, 200, 11)
+    nodes, _, cost = scene.solve(scene.among(evaluation.centres, evaluation.radii), 0.0, 200, 11)
     np.testing.assert_array_equal(nodes, expected[0])
     assert cost == expected[2]

@@ -9,7 +9,7 @@ from scipy.sparse.csgraph import dijkstra
 
 from geodesic_motion_ros.geometry.se3 import carried
 from geodesic_motion_ros.manifold.node_body import NodeBody
-from geodesic_motion_ros.manifold.obstacle_weights import Reshaping, evaluate_nodes
+from geodesic_motion_ros.manifold.obstacle_weights import NodeEvaluation, evaluate_nodes
 from geodesic_motion_ros.manifold.shortest_path import cost_field, shortest_path
 from geodesic_motion_ros.manifold.tool_points import tool_points
 from geodesic_motion_ros.manifold.transport import Offsets
@@ -108,7 +108,7 @@ def test_astar_costs_what_dijkstra_does_with_conformal_factor_and_obstacles(grap
     centres = carried_graph.body_points[random.integers(len(graph.latent), size=4), 0]
     body = NodeBody.of_tool(carried_graph.body_points, radii)
     obstacles = Obstacles.of_spheres(centres, random.uniform(0.01, 0.05, 4)), 1e3, 0.5, 0.05
-    everything = Reshaping.of(body, *obstacles)
+    everything = NodeEvaluation.of(body, *obstacles)
     evaluate_nodes(np.arange(len(everything.evaluated)), everything)
     factors, blocked = everything.factors, everything.clearance < 0.0
     mean = 0.5 * (factors[graph.edges[:, 0]] + factors[graph.edges[:, 1]])
@@ -122,7 +122,7 @@ def test_astar_costs_what_dijkstra_does_with_conformal_factor_and_obstacles(grap
         field = cost_field(graph.adjacency, carried_graph.base, target)
         _, _, cost = shortest_path(
             graph.adjacency, carried_graph.base, carried_graph.fixed, carried_graph.shares,
-            Reshaping.of(body, *obstacles), 0.0, field, source, target,
+            NodeEvaluation.of(body, *obstacles), 0.0, field, source, target,
         )  # fmt: skip
         expected = dijkstra(matrix, directed=False, indices=source)[target]
         assert cost == pytest.approx(expected, rel=1e-8)

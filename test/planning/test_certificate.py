@@ -118,7 +118,7 @@ def test_it_holds_for_every_velocity_within_the_errors() -> None:
         left = CERTIFIER.certify_swept(swept.since(middle), uncertain, HORIZON).clearance
         assert np.all(left <= densely(reference.rest(middle), truly)[0] + 1e-9)
         counted = reference.times[1:] <= HORIZON
-        until = CERTIFIER.certify(reference, uncertain, HORIZON, beyond=False).clearance
+        until = CERTIFIER.certify(reference, uncertain, HORIZON, stand_after_horizon=False).clearance
         assert np.all(until[counted] <= true[counted] + 1e-9)
         optimistic += np.any(certified(reference, spheres).clearance > true + 1e-3)
         truly = replace(solids, solid_velocities=solids.solid_velocities + off)
@@ -154,7 +154,7 @@ def test_beyond_the_horizon_what_moves_may_be_left_out_but_not_what_stands_nor_w
         reference, obstacles = scene(seed)
         obstacles.velocities[:2] = 0.0
         certain = certified(reference, obstacles)
-        optimistic = CERTIFIER.certify(reference, obstacles, HORIZON, beyond=False)
+        optimistic = CERTIFIER.certify(reference, obstacles, HORIZON, stand_after_horizon=False)
         standing = certified(reference, obstacles.static_subset)
         later = reference.times[:-1] >= HORIZON
         np.testing.assert_allclose(optimistic.clearance[~later], certain.clearance[~later], atol=1e-12)
@@ -172,7 +172,7 @@ def test_what_comes_to_where_the_arm_stands_at_the_end_is_counted_to_the_horizon
         (hand + [0.0, 0.0, 1.0])[None], np.array([0.05]), np.array([[0.0, 0.0, -1.0 / HORIZON]])
     )
     assert np.min(CERTIFIER.certify(short, coming, HORIZON).clearance) > 0.1
-    assert np.min(CERTIFIER.certify(short, coming, HORIZON, beyond=False).clearance) < -0.05
+    assert np.min(CERTIFIER.certify(short, coming, HORIZON, stand_after_horizon=False).clearance) < -0.05
     lasting = CERTIFIER.swept(short).lasting(HORIZON)
     assert np.min(CERTIFIER.certify_swept(lasting, coming, HORIZON).clearance) < -0.05
 
@@ -391,7 +391,7 @@ def test_a_trajectory_has_the_certificate_of_every_interval_and_of_the_time_at_r
     coming = Obstacles.of_spheres(end[None] - [0.0, 0.0, 2.0 * after], np.array([0.05]), np.array([[0.0, 0.0, 2.0]]))
     swept = CERTIFIER.swept(reference)
     for lasting, horizon, hit in ((swept.lasting(after), after, True), (swept, reference.duration, False)):
-        certificate = CERTIFIER.certify_swept(lasting, coming, horizon, beyond=False)
+        certificate = CERTIFIER.certify_swept(lasting, coming, horizon, stand_after_horizon=False)
         trajectory = CERTIFIER.judged(reference, certificate)
         assert len(trajectory.clearance) == len(trajectory.self_clearance) == len(reference.times) - 1
         assert trajectory.nearest == np.min(certificate.clearance)

@@ -17,7 +17,7 @@ from geodesic_motion_ros.planning.detour import Detour
 from geodesic_motion_ros.planning.detour_worker import DetourJob
 from geodesic_motion_ros.planning.guarded_arm import GuardedArm
 from geodesic_motion_ros.planning.mission import Mission
-from geodesic_motion_ros.planning.mode import Mode
+from geodesic_motion_ros.planning.mode import Mode, Purpose
 from geodesic_motion_ros.planning.plan import MotionState, Plan
 from geodesic_motion_ros.planning.settings import ATTEMPTS, SEARCH_PERIOD, Attempt, PlannerSettings
 from geodesic_motion_ros.planning.situation import Situation
@@ -112,7 +112,7 @@ class Arm:
     def tick(self, now: float, obstacles: Obstacles, **more: float) -> Decision:
         decision = self.decided(now, obstacles, **more)
         self.mission, self.memory = replace(self.mission, query=decision.query), decision.memory
-        self.stream.take(decision.step, now)
+        self.stream.commit(decision.step, now)
         return decision
 
     def runs_blocked(self, until: float) -> float:
@@ -219,7 +219,7 @@ def test_an_arm_whose_path_is_blocked_stops_along_it_where_there_is_no_other(arm
     stopped = arm.decided(0.3, where_it_turns())
     assert arm.searches.made[1:] == 2 * [(query, ATTEMPTS)]
     assert stopped.step.plan.verdict.code is VerdictCode.NO_FEASIBLE_PATH
-    assert stopped.step.followed.is_stop
+    assert stopped.step.followed.purpose is Purpose.STOP
     assert arm.situation.mode(stopped.step) is Mode.STOPPING
     assert stopped.step.plan.reference.duration < taken.step.plan.reference.duration
     assert stopped.memory.blocked_since == 0.3

@@ -11,7 +11,7 @@ import pytest
 from geodesic_motion_ros.obstacles.obstacles import Obstacles
 from geodesic_motion_ros.planning.certificate import ArmCertifier
 from geodesic_motion_ros.planning.evasion import FailedEvasion, evaded, is_searched, still_evading
-from geodesic_motion_ros.planning.mode import Mode
+from geodesic_motion_ros.planning.mode import Mode, Purpose
 from geodesic_motion_ros.planning.plan import MotionState, Plan
 from geodesic_motion_ros.planning.settings import EVASION_DISPLACED_WITHIN, SEARCH_PERIOD, PlannerSettings
 from geodesic_motion_ros.planning.situation import Situation
@@ -58,7 +58,8 @@ class OneEvasionPath:
         share = np.linspace(0.0, 1.0, 30)[:, None]
         path = state.position + share * np.array([0.6, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0])
         reference = timed_joint_reference(path, np.hstack([1.0 - share, share]), LIMITS)
-        trajectory = CERTIFIER.judged(reference, CERTIFIER.certify(reference, obstacles, horizon, beyond=False))
+        certificate = CERTIFIER.certify(reference, obstacles, horizon, stand_after_horizon=False)
+        trajectory = CERTIFIER.judged(reference, certificate)
         return Plan(trajectory, state.time, Verdict(VerdictCode.OK, clearance=0.01))
 
 
@@ -76,7 +77,7 @@ class Arm:
     ) -> Plan | None:
         situation = self.situation(now, obstacles, handover_deadline)
         step, self.last_failed = evaded(self.solver, QUERY, verdict, situation, self.last_failed)
-        return None if step is None else self.stream.take(step, now)
+        return None if step is None else self.stream.commit(step, now)
 
     def still_evading(self, now: float, obstacles: Obstacles) -> Plan | None:
         step = still_evading(self.situation(now, obstacles))
@@ -102,11 +103,11 @@ def test_an_arm_evades_what_is_coming_and_says_so() -> None:
     situation = arm.situation(0.0, coming(1.0))
     step, _ = evaded(arm.solver, QUERY, NO_PATH, situation, FailedEvasion())
     assert situation.mode(step) is Mode.EVADING
-    plan = arm.stream.take(step, 0.0)
+    plan = arm.stream.commit(step, 0.0)
     assert plan.verdict.code is VerdictCode.NO_FEASIBLE_PATH
     assert plan.verdict.reason == "no path; evading what is coming"
     assert plan.verdict.clearance == 0.01
-    assert arm.stream.followed.evading
+    assert arm.stream.followed.purpose is Purpose.EVASION
     assert arm.stream.commanded(arm.stream.played.end)[0][0] == pytest.approx(ROBOT.ready[0] + 0.6)
 
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from geodesic_motion_ros.geometry.quaternions import angle_between
-from geodesic_motion_ros.manifold.obstacle_weights import Reshaping
+from geodesic_motion_ros.manifold.obstacle_weights import NodeEvaluation
 from geodesic_motion_ros.manifold.shortest_path import shortest_free_path
 from geodesic_motion_ros.obstacles.obstacles import Obstacles
 from geodesic_motion_ros.planning import settings as constants
@@ -37,18 +37,18 @@ def found(planner: PosePathPlanner, radius: float, steps: int = STEPS):
     middle = len(reference.latent) // 2
     sphere = Obstacles.of_spheres(reference.positions[middle][None], np.array([radius]))
     settings = PlannerSettings()
-    reshaping = Reshaping.of(
+    evaluation = NodeEvaluation.of(
         query.body, sphere, settings.ambient_strength, settings.ambient_width_ratio, 0.05, settings.ambient_law
     )
     start = reference.latent[middle]
-    return list(paths_to_targets(planner.graph, query, start, reshaping, steps, APART)), start, reshaping, query
+    return list(paths_to_targets(planner.graph, query, start, evaluation, steps, APART)), start, evaluation, query
 
 
 def test_targets_are_free_near_and_none_lies_behind_another(planner) -> None:
-    paths, start, reshaping, query = found(planner, 0.03)
+    paths, start, evaluation, query = found(planner, 0.03)
     assert len(paths) > 1
     ends = np.array([path.nodes[-1] for path in paths])
-    assert np.all(reshaping.clearance[ends] >= APART)
+    assert np.all(evaluation.clearance[ends] >= APART)
     steps = (planner.graph.latent[ends] - start) / planner.graph.grid.spacing
     lengths = np.linalg.norm(steps, axis=1)
     assert np.all(np.diff(lengths) >= 0.0)

@@ -12,7 +12,7 @@ from geodesic_motion_ros.demonstrations.demonstrations import Demonstrations
 from geodesic_motion_ros.geometry.curves import arc_length
 from geodesic_motion_ros.geometry.quaternions import angle_between, rotate_by
 from geodesic_motion_ros.planning.pose_path import PosePath, PosePathPlanner
-from geodesic_motion_ros.planning.pose_query import Pose, QueryBuilder
+from geodesic_motion_ros.planning.pose_query import Pose, PoseQueryBuilder
 from geodesic_motion_ros.planning.settings import PlannerSettings
 from geodesic_motion_ros.planning.status import VerdictCode
 from geodesic_motion_ros.skill.skill import Skill
@@ -58,8 +58,8 @@ def mean_path(planner: PosePathPlanner) -> PosePath:
 
 
 @pytest.fixture
-def queries(planner) -> QueryBuilder:
-    return QueryBuilder(planner.skill, planner.graph, planner.settings)
+def queries(planner) -> PoseQueryBuilder:
+    return PoseQueryBuilder(planner.skill, planner.graph, planner.settings)
 
 
 def gap_to(curve: np.ndarray, points: np.ndarray) -> float:

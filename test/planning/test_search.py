@@ -23,8 +23,8 @@ def bench(reach_skill) -> SkillBench:
 
 
 def search(bench: SkillBench, obstacles: Obstacles, *deadline: Deadline):
-    reshaping = mark(bench.problem, obstacles)
-    return cheapest_path(bench.planner.graph, bench.query, bench.query.start_latent, reshaping, 0.005, *deadline)
+    evaluation = mark(bench.problem, obstacles)
+    return cheapest_path(bench.planner.graph, bench.query, bench.query.start_latent, evaluation, 0.005, *deadline)
 
 
 def test_out_of_time_before_a_path_is_found_the_verdict_says_so(bench, monkeypatch) -> None:

@@ -14,8 +14,9 @@ from geodesic_motion_ros.obstacles.obstacles import Obstacles
 from geodesic_motion_ros.planning.certificate import ArmCertifier, JudgedTrajectory
 from geodesic_motion_ros.planning.mode import Mode
 from geodesic_motion_ros.planning.plan import Plan
+from geodesic_motion_ros.planning.played import Followed, PlayedTrajectory
 from geodesic_motion_ros.planning.settings import PlannerSettings
-from geodesic_motion_ros.planning.situation import Followed, PlayedTrajectory, Situation
+from geodesic_motion_ros.planning.situation import Situation
 from geodesic_motion_ros.planning.status import Verdict, VerdictCode
 from geodesic_motion_ros.planning.stream import Stream
 from geodesic_motion_ros.robot.collision_model import CollisionModel
@@ -67,12 +68,12 @@ def going(settings: PlannerSettings = SETTINGS, clearance: float = np.inf) -> St
     stream.stand(judged(JointReference.standing(ROBOT.ready, np.zeros(2))), 0.0)
     plan = Plan(straight(ROBOT.ready, ROBOT.ready + TURN), 0.0, replace(OK, clearance=clearance))
     start = at(stream, 0.0, settings=settings)
-    stream.take(start.handed_out(plan, Followed.begun(QUERY, plan, start)), 0.0)
+    stream.commit(start.handed_out(plan, Followed.begun(QUERY, plan, start.obstacles, start.now)), 0.0)
     return stream
 
 
 def stopped(stream: Stream, situation: Situation) -> Plan:
-    return stream.take(situation.stopped(NO_PATH), situation.now)
+    return stream.commit(situation.stopped(NO_PATH), situation.now)
 
 
 def ball(posture: np.ndarray, velocity: np.ndarray | None = None, radius: float = 0.05) -> Obstacles:
@@ -97,7 +98,7 @@ def test_one_path_takes_over_from_another_in_its_state_of_motion_and_the_past_is
     assert np.max(np.abs(state.velocity)) > 0.1
     goal = ROBOT.ready + 0.7 * TURN + 0.1
     plan = Plan(straight(state.position, goal, state.velocity, state.acceleration), state.time, OK)
-    handed = stream.take(situation.handed_out(plan, Followed.begun(QUERY, plan, situation)), 0.4)
+    handed = stream.commit(situation.handed_out(plan, Followed.begun(QUERY, plan, situation.obstacles, 0.4)), 0.4)
     assert handed.begin == before.knot_before(0.4)
     assert handed.trajectory is stream.played.trajectory
     times = np.arange(0.3, stream.played.end, 0.001)

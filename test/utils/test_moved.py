@@ -22,7 +22,7 @@ def planner() -> ReactivePlanner:
     [
         ("planner", "planning.planner", "ReactivePlanner"),
         ("planner_settings", "planning.settings", "PlannerSettings"),
-        ("query", "planning.pose_query", "QueryBuilder"),
+        ("query", "planning.pose_query", "Pose"),
         ("errors", "utils.errors", "GeodesicMotionError"),
         ("verdict", "planning.status", "VerdictCode"),
         ("skill", "skill.skill", "Skill"),
@@ -48,6 +48,8 @@ def test_what_is_no_more_is_an_import_error_that_names_what_to_use() -> None:
         from geodesic_motion_ros.joint_planner import JointSpacePlanner  # noqa: F401
     with pytest.raises(ImportError, match=r"planner_settings\.MOVING_MULTIPLE is no more"):
         from geodesic_motion_ros.planner_settings import MOVING_MULTIPLE  # noqa: F401
+    with pytest.raises(ImportError, match=r"use geodesic_motion_ros\.planning\.pose_query\.PoseQueryBuilder"):
+        from geodesic_motion_ros.query import QueryBuilder  # noqa: F401
 
 
 def test_a_path_that_never_was_is_not_found() -> None:

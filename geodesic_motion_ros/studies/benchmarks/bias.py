@@ -17,7 +17,7 @@ from scipy.optimize import minimize
 
 from geodesic_motion_ros.manifold.geodesic_refinement import refined
 from geodesic_motion_ros.manifold.metric_field import MetricField, curve_length, evenly, piecewise
-from geodesic_motion_ros.manifold.obstacle_weights import Reshaping
+from geodesic_motion_ros.manifold.obstacle_weights import NodeEvaluation
 from geodesic_motion_ros.manifold.shortest_path import cost_field, shortest_free_path
 from geodesic_motion_ros.obstacles.obstacles import Obstacles
 from geodesic_motion_ros.planning.path_smoothing import resample_latent, smooth_latent
@@ -116,9 +116,9 @@ def _compared(
     pairs: int,
     energy_limit: float = math.inf,
 ) -> BiasFigures:
-    reshaping, watch = mark(problem, Obstacles.none()), Stopwatch()
+    evaluation, watch = mark(problem, Obstacles.none()), Stopwatch()
     step, rows = float(np.min(field.spacing)), []
-    refined(field, reshaping, 0.0, latent[:2])
+    refined(field, evaluation, 0.0, latent[:2])
     while len(rows) < pairs:
         source, target = next(ends)
         to_target = cost_field(problem.adjacency, problem.graph.base, target)
@@ -127,23 +127,23 @@ def _compared(
             continue
         path = latent[nodes]
         with watch:
-            curve = refined(field, reshaping, problem.settings.obstacle_margin, path)
+            curve = refined(field, evaluation, problem.settings.obstacle_margin, path)
         smoothed = smooth_latent(resample_latent(path, step), _WIDTH)
-        found = [curve_length(field, reshaping, one) for one in (path, smoothed, curve)]
-        best = min(curve_length(field, reshaping, _bent(field, reshaping, one)) for one in (path, smoothed, curve))
+        found = [curve_length(field, evaluation, one) for one in (path, smoothed, curve)]
+        best = min(curve_length(field, evaluation, _bent(field, evaluation, one)) for one in (path, smoothed, curve))
         rows.append(np.array(found) / min(best, *found))
     return BiasFigures(problem.name, *np.array(rows).T, watch)
 
 
-def _bent(field: MetricField, reshaping: Reshaping, path: np.ndarray) -> np.ndarray:
+def _bent(field: MetricField, evaluation: NodeEvaluation, path: np.ndarray) -> np.ndarray:
     """A locally shortest curve between a path's ends, slowly."""
     points = evenly(field.coordinates(path), _PIECES)
     dimension = points.shape[1]
-    lengths = np.sqrt(piecewise(field, reshaping, points)[0])
+    lengths = np.sqrt(piecewise(field, evaluation, points)[0])
     weights = lengths.sum() / np.maximum(lengths, _SHORTEST * lengths.mean())
 
     def terms(curve: np.ndarray) -> np.ndarray:
-        energies, support, _ = piecewise(field, reshaping, curve)
+        energies, support, _ = piecewise(field, evaluation, curve)
         return weights * energies + _LEAVING * np.maximum(0.0, 0.5 - support) ** 2
 
     def placed(inner: np.ndarray) -> np.ndarray:

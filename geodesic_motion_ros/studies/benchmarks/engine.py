@@ -10,7 +10,7 @@ import numpy as np
 from geodesic_motion_ros.manifold.bidirectional_astar import shortest_path_from_both_ends
 from geodesic_motion_ros.manifold.grid import Adjacency
 from geodesic_motion_ros.manifold.node_body import NodeBody
-from geodesic_motion_ros.manifold.obstacle_weights import Reshaping, evaluate_nodes
+from geodesic_motion_ros.manifold.obstacle_weights import NodeEvaluation, evaluate_nodes
 from geodesic_motion_ros.manifold.shortest_path import cost_field, shortest_path
 from geodesic_motion_ros.manifold.weighted_graph import WeightedGraph
 from geodesic_motion_ros.obstacles.obstacles import Obstacles
@@ -80,20 +80,22 @@ class Answer:
     bound: float = math.nan
 
 
-def mark(problem: SearchProblem, obstacles: Obstacles) -> Reshaping:
+def mark(problem: SearchProblem, obstacles: Obstacles) -> NodeEvaluation:
     """What the search needs to know of obstacles where they are."""
     settings = problem.settings
     within = 4.0 * settings.obstacle_margin
-    return Reshaping.of(
+    return NodeEvaluation.of(
         problem.body, obstacles, settings.ambient_strength, settings.ambient_width_ratio, within, settings.ambient_law
     )
 
 
-def search(problem: SearchProblem, reshaping: Reshaping, limited: bool = True, deadline: Deadline = NEVER) -> Answer:
+def search(
+    problem: SearchProblem, evaluation: NodeEvaluation, limited: bool = True, deadline: Deadline = NEVER
+) -> Answer:
     """The cheapest path; with `limited`, as the planner searches, none that costs more than the limit."""
     graph = problem.graph
     found = shortest_path_from_both_ends(
-        problem.adjacency, graph.base, graph.fixed, graph.shares, reshaping, problem.settings.obstacle_margin,
+        problem.adjacency, graph.base, graph.fixed, graph.shares, evaluation, problem.settings.obstacle_margin,
         problem.to_goal, problem.from_start, problem.source, problem.target,
         problem.cost_limit if limited else math.inf, deadline,
     )  # fmt: skip
@@ -102,9 +104,9 @@ def search(problem: SearchProblem, reshaping: Reshaping, limited: bool = True, d
 
 def search_from_source(problem: SearchProblem, obstacles: Obstacles) -> Answer:
     """A* from the source, with the obstacle-free field as heuristic and without a limit."""
-    graph, reshaping = problem.graph, mark(problem, obstacles)
+    graph, evaluation = problem.graph, mark(problem, obstacles)
     nodes, _, cost = shortest_path(
-        problem.adjacency, graph.base, graph.fixed, graph.shares, reshaping, problem.settings.obstacle_margin,
+        problem.adjacency, graph.base, graph.fixed, graph.shares, evaluation, problem.settings.obstacle_margin,
         problem.to_goal, problem.source, problem.target,
     )  # fmt: skip
     return Answer(nodes, cost)
@@ -112,18 +114,18 @@ def search_from_source(problem: SearchProblem, obstacles: Obstacles) -> Answer:
 
 def search_plainly(problem: SearchProblem, obstacles: Obstacles) -> Answer:
     """Dijkstra's algorithm, ended at the target, with what obstacles do worked out at every node before."""
-    graph, reshaping = problem.graph, mark(problem, obstacles)
-    evaluate_nodes(np.arange(problem.nodes), reshaping)
+    graph, evaluation = problem.graph, mark(problem, obstacles)
+    evaluate_nodes(np.arange(problem.nodes), evaluation)
     nodes, _, cost = shortest_path(
-        problem.adjacency, graph.base, graph.fixed, graph.shares, reshaping, problem.settings.obstacle_margin,
+        problem.adjacency, graph.base, graph.fixed, graph.shares, evaluation, problem.settings.obstacle_margin,
         np.zeros(problem.nodes), problem.source, problem.target,
     )  # fmt: skip
     return Answer(nodes, cost)
 
 
-def looked_at(reshaping: Reshaping) -> int:
+def looked_at(evaluation: NodeEvaluation) -> int:
     """Nodes for which a search had to know what obstacles do."""
-    return int(np.count_nonzero(reshaping.evaluated))
+    return int(np.count_nonzero(evaluation.evaluated))
 
 
 def free_path(problem: SearchProblem) -> np.ndarray:

@@ -19,7 +19,7 @@ import numpy as np
 
 from geodesic_motion_ros.geometry.quaternions import rotate_by
 from geodesic_motion_ros.manifold.configuration_graph import ConfigurationGraph
-from geodesic_motion_ros.manifold.obstacle_weights import Reshaping, evaluate_nodes
+from geodesic_motion_ros.manifold.obstacle_weights import NodeEvaluation, evaluate_nodes
 from geodesic_motion_ros.manifold.shortest_path import shortest_path
 from geodesic_motion_ros.obstacles.obstacles import Obstacles
 from geodesic_motion_ros.planning import search as path_search
@@ -186,8 +186,8 @@ class MovingBench:
     @staticmethod
     def _compare(arguments: tuple, into: MovingTicks) -> None:
         """Make a search of the planner's again, and by both alternatives."""
-        adjacency, base, fixed, shares, reshaping, margin, to_goal, from_start, source, target, limit, *_ = arguments
-        fresh = [_unlooked(reshaping) for _ in range(3)]
+        adjacency, base, fixed, shares, evaluation, margin, to_goal, from_start, source, target, limit, *_ = arguments
+        fresh = [_unlooked(evaluation) for _ in range(3)]
         with into.searches:
             found = path_search.shortest_path_from_both_ends(
                 adjacency, base, fixed, shares, fresh[0], margin, to_goal, from_start, source, target, limit
@@ -246,11 +246,11 @@ def recorded_searches() -> Iterator[list[tuple]]:
         path_search.shortest_path_from_both_ends = search
 
 
-def _unlooked(reshaping: Reshaping) -> Reshaping:
+def _unlooked(evaluation: NodeEvaluation) -> NodeEvaluation:
     """The same before anything was worked out."""
-    return reshaping._replace(
-        evaluated=np.zeros_like(reshaping.evaluated), factors=np.empty_like(reshaping.factors),
-        affected=np.empty_like(reshaping.affected), clearance=np.empty_like(reshaping.clearance),
+    return evaluation._replace(
+        evaluated=np.zeros_like(evaluation.evaluated), factors=np.empty_like(evaluation.factors),
+        affected=np.empty_like(evaluation.affected), clearance=np.empty_like(evaluation.clearance),
     )  # fmt: skip
 
 

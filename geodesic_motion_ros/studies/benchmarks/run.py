@@ -202,10 +202,10 @@ def _own_ticks(problem: SearchProblem, scene: Scene, ticks: int) -> tuple[Stopwa
         for tick in range(ticks):
             obstacles = scene.at(tick)
             with watch:
-                reshaping = mark(problem, obstacles)
-                answer = search(problem, reshaping)
+                evaluation = mark(problem, obstacles)
+                answer = search(problem, evaluation)
             costs.append(answer.cost)
-            looked.append(looked_at(reshaping))
+            looked.append(looked_at(evaluation))
     return watch, np.array(costs), looked
 
 

@@ -86,15 +86,15 @@ class SkillBench:
         for tick in range(ticks):
             obstacles = scene.at(tick)
             with watches["mark"]:
-                reshaping = mark(self.problem, obstacles.swept(planner.settings.prediction))
+                evaluation = mark(self.problem, obstacles.swept(planner.settings.prediction))
             with watches["search"]:
                 found = cheapest_path(
-                    planner.graph, query, query.start_latent, reshaping, planner.settings.obstacle_margin
+                    planner.graph, query, query.start_latent, evaluation, planner.settings.obstacle_margin
                 )
             if isinstance(found, Verdict):
                 continue
             with watches["refine"]:
-                curve = refined(query.field, reshaping, planner.settings.obstacle_margin, found.polyline)
+                curve = refined(query.field, evaluation, planner.settings.obstacle_margin, found.polyline)
             with watches["curve"]:
                 path, latent = self._curve(curve)
             with watches["time law"]:

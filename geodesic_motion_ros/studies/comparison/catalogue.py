@@ -19,12 +19,12 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Row:
-    """A row.
+    """One method of the comparison: one row of its tables, and how the method is made.
 
     Attributes
     ----------
-    make : the method in an arena; imports what it needs.
-    description : what it is, in a line. needs : modules that must be installed.
+    make : makes the method in an arena, and imports the modules that it needs.
+    description : the method in a line. needs : modules that must be installed.
     """
 
     make: Callable[[Arena], Method]

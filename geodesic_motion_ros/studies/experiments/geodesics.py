@@ -38,7 +38,7 @@ from geodesic_motion_ros.manifold.decoder import rms_sigma
 from geodesic_motion_ros.manifold.geodesic_refinement import refined
 from geodesic_motion_ros.manifold.metric_field import MetricField, packed_tensors
 from geodesic_motion_ros.manifold.node_body import NodeBody
-from geodesic_motion_ros.manifold.obstacle_weights import Reshaping
+from geodesic_motion_ros.manifold.obstacle_weights import NodeEvaluation
 from geodesic_motion_ros.manifold.shortest_path import cost_field, shortest_free_path
 from geodesic_motion_ros.manifold.transport import Offsets
 from geodesic_motion_ros.obstacles.obstacles import Obstacles
@@ -209,9 +209,9 @@ class _Graph:
         return MetricField.of(grid, number, packed_tensors(np.zeros_like(tensors)[:, None], tensors))
 
     @cached_property
-    def _free(self) -> Reshaping:
+    def _free(self) -> NodeEvaluation:
         body = NodeBody.of_tool(self.graph.decoded.positions[:, None], np.zeros(1))
-        return Reshaping.of(body, Obstacles.of_spheres(np.empty((0, 3)), np.empty(0)), 1.0, 1.0, 0.0)
+        return NodeEvaluation.of(body, Obstacles.of_spheres(np.empty((0, 3)), np.empty(0)), 1.0, 1.0, 0.0)
 
     def _heuristic(self, target: int) -> np.ndarray:
         return cost_field(self.graph.adjacency, self._base, target)

@@ -72,7 +72,10 @@ class Findings:
 
 @dataclass(frozen=True)
 class Row:
-    """One line of the table; passed is None where the fault was skipped, and `measured` says why."""
+    """The result of one fault: one line of the table of `geodesic-motion faults`.
+
+    passed : None where the fault was skipped; `measured` says why.
+    """
 
     name: str
     phase: str

@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 from geodesic_motion_ros.geometry.distance_field import DistanceField
 from geodesic_motion_ros.geometry.shapes import solid_distances, solid_rows
 from geodesic_motion_ros.manifold.metric_field import curve_length
-from geodesic_motion_ros.manifold.obstacle_weights import Reshaping
+from geodesic_motion_ros.manifold.obstacle_weights import NodeEvaluation
 from geodesic_motion_ros.obstacles.obstacles import Obstacles
 from geodesic_motion_ros.planning.path_timer import PathTimer
 from geodesic_motion_ros.planning.plan import MotionState, Plan
@@ -72,7 +72,7 @@ def test_a_refined_path_is_shorter_than_the_graphs(reach_skill, planner, start, 
     planner.stand_at(start, 0.0)
     prepared = planner.prepared_configuration(goal)
     choice, query = prepared.goal, prepared.query
-    free = Reshaping.of(query.body, Obstacles.none(), 0.0, 0.5, 0.02)
+    free = NodeEvaluation.of(query.body, Obstacles.none(), 0.0, 0.5, 0.02)
 
     def length(plan: Plan) -> float:
         assert plan.verdict.ok, plan.verdict.reason

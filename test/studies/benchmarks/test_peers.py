@@ -29,14 +29,14 @@ def cost_along(problem: SearchProblem, weights: np.ndarray, nodes: np.ndarray) -
 @pytest.mark.parametrize("name", ["one_r010", "wall_gap", "cloud_10k"])
 def test_weights_are_those_that_the_engine_gives_its_edges(name: str, problem: SearchProblem) -> None:
     scene = next(scene for scene in scenes_of(problem) if scene.name == name)
-    reshaping = mark(problem, scene.at(8))
-    evaluate_nodes(np.arange(problem.nodes), reshaping)
-    closed = reshaping.clearance < problem.settings.obstacle_margin
+    evaluation = mark(problem, scene.at(8))
+    evaluate_nodes(np.arange(problem.nodes), evaluation)
+    closed = evaluation.clearance < problem.settings.obstacle_margin
     closed[[problem.source, problem.target]] = False
     graph = problem.graph
     expected = np.array(
         [
-            np.inf if closed[u] or closed[v] else edge_weight(graph.fixed, graph.shares, reshaping.factors, e, u, v)
+            np.inf if closed[u] or closed[v] else edge_weight(graph.fixed, graph.shares, evaluation.factors, e, u, v)
             for e, (u, v) in enumerate(graph.edges.tolist())
         ]
     )

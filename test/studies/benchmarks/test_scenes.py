@@ -18,9 +18,9 @@ def scenes(problem: SearchProblem) -> dict[str, Scene]:
 
 
 def felt_on_path(problem: SearchProblem, scene: Scene, tick: int) -> bool:
-    path, reshaping = free_path(problem), mark(problem, scene.at(tick))
-    evaluate_nodes(path, reshaping)
-    return bool(np.any(reshaping.affected[path]))
+    path, evaluation = free_path(problem), mark(problem, scene.at(tick))
+    evaluate_nodes(path, evaluation)
+    return bool(np.any(evaluation.affected[path]))
 
 
 def test_there_are_all_of_them_with_the_spheres_they_promise(scenes: dict[str, Scene]) -> None:
@@ -68,9 +68,9 @@ def test_the_path_through_the_gap_is_a_detour(problem: SearchProblem, scenes: di
 def test_the_arm_is_free_at_both_ends(name: str, problem: SearchProblem, scenes: dict[str, Scene]) -> None:
     ends = np.array([problem.source, problem.target])
     for tick in TICKS:
-        reshaping = mark(problem, scenes[name].at(tick))
-        evaluate_nodes(ends, reshaping)
-        assert np.all(reshaping.clearance[ends] >= problem.settings.obstacle_margin)
+        evaluation = mark(problem, scenes[name].at(tick))
+        evaluate_nodes(ends, evaluation)
+        assert np.all(evaluation.clearance[ends] >= problem.settings.obstacle_margin)
 
 
 @pytest.mark.parametrize("name", NAMES)

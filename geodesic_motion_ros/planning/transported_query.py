@@ -1,7 +1,7 @@
-"""What queries of poses and of configurations have in common: a graph carried to a start and a goal.
+"""The common part of queries of poses and of configurations: a graph transported to a start and a goal.
 
-Decoded nodes are carried by the offsets of both ends. Start and goal may choose between the demonstrations: then the
-corrections along the mean paths, and how near to them paths stay, are those of demonstrations with such ends.
+Decoded nodes are transported by the offsets of both ends. Start and goal may choose between the demonstrations: then
+the corrections along the mean paths, and how near to them paths stay, are those of demonstrations with such ends.
 """
 
 from __future__ import annotations
@@ -31,18 +31,18 @@ None and None where they are not used.
 
 
 @dataclass(frozen=True)
-class CarriedQuery:
-    """A start and goal with the graph carried to them.
+class TransportedQuery:
+    """A start and a goal, with the graph transported to them and the costs that its searches need.
 
     Attributes
     ----------
-    start, goal : the requested ends; start_latent : (d,) latent point that is carried onto the start.
-    goal_node : the node that is carried onto the goal.
+    start, goal : the requested ends; start_latent : (d,) latent point that is transported onto the start.
+    goal_node : the node that is transported onto the goal.
     body : the tool, or the arm, at every node.
-    offsets, graph : how the decoded graph was carried here, and what came of it. field : the metric between the nodes.
+    offsets, graph : by how much the decoded graph was moved, and the result. field : the metric between the nodes.
     to_goal, from_start : (n,) obstacle-free cost to the goal's node, and from the start's: the search's heuristics.
     cost_limit : paths that cost more count as blocked.
-    misfits : how far both ends are carried, under their names in a Verdict.
+    misfits : the endpoint errors, how far both ends are moved, under their names in a Verdict.
     task_start, task_goal : (k,) offsets of the task's start and goal from the demonstrated means, wherever on the path
         the query begins.
     along_mean_paths : corrections and conformal factors for these offsets.
@@ -68,7 +68,7 @@ class CarriedQuery:
     displaced: float = field(default=0.0, kw_only=True)
 
     def displaced_at(self, progress: np.ndarray) -> float:
-        """What is left of that [m] at a progress (1,) of the skill: it fades until the goal, as the start's offset."""
+        """The rest of `displaced` [m] at a progress (1,): it fades towards the goal, as the offset of the start."""
         faded = blended(progress, self.offsets.start_progress, self.offsets.goal_progress)
         return self.displaced * (1.0 - float(faded[0]))
 
@@ -85,10 +85,10 @@ def edges_in_scene(
     return np.any((clearances < kept)[graph.edges], axis=1)
 
 
-class CarriedQueryBuilder:
-    """What builders of such queries have in common."""
+class TransportedQueryBuilder:
+    """The common part of the builders of these queries: mean paths and costs of a transported graph."""
 
-    #: What the first demonstration's path costs.
+    #: The cost of the first demonstration's path.
     _demonstrated_cost: float
 
     def __init__(
@@ -141,5 +141,5 @@ class CarriedQueryBuilder:
 
     @staticmethod
     def _misfit(end: Any) -> float:
-        """What was not demonstrated of an end's offset; of poses a radian like a metre."""
+        """The size of the part of an end's offset that no demonstration shows; a radian of a pose counts as a metre."""
         return float(np.linalg.norm(end.beyond))

@@ -1,0 +1,123 @@
+"""The motion of an arm: the trajectory that it plays (`PlayedTrajectory`), the plan behind that (`Followed`), and the
+outcome of one tick for both (`Step`). The `Stream` owns them; a `Situation` assesses them.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from geodesic_motion_ros.obstacles.obstacles import Obstacles
+from geodesic_motion_ros.planning import settings as constants
+from geodesic_motion_ros.planning.certificate import ArmCertifier, JudgedTrajectory, SweptArm
+from geodesic_motion_ros.planning.mode import Purpose
+from geodesic_motion_ros.planning.plan import ArmQuery, MotionState, Plan
+from geodesic_motion_ros.planning.search import KnownPaths, LatentPath
+from geodesic_motion_ros.planning.status import Verdict
+from geodesic_motion_ros.trajectory.trajectory import JointReference
+
+#: Two knots are no nearer to each other than this [s].
+_SHORTEST_INTERVAL = 1e-3
+#: Two times [s] that differ by less are the same.
+TIME_ROUNDING = 1e-6
+
+
+@dataclass(frozen=True)
+class PlayedTrajectory:
+    """A trajectory on the clock: what the arm passes from `begin` [s] on, until another trajectory takes over."""
+
+    trajectory: JudgedTrajectory
+    begin: float
+    certifier: ArmCertifier
+
+    @property
+    def reference(self) -> JointReference:
+        """The motion of the joints."""
+        return self.trajectory.reference
+
+    @property
+    def end(self) -> float:
+        """When the arm comes to rest [s]."""
+        return self.begin + self.reference.duration
+
+    @cached_property
+    def swept(self) -> SweptArm:
+        """Where it takes the arm."""
+        return self.certifier.swept(self.reference)
+
+    def switch(self, earliest: float) -> float:
+        """When another one takes over, at or after a time [s]: no nearer to the knot before than may be."""
+        return earliest if earliest >= self.end else max(earliest, self.knot_before(earliest) + _SHORTEST_INTERVAL)
+
+    def knot_before(self, time: float) -> float:
+        """The last knot at or before a time [s]; that time itself where the arm stands by then."""
+        if time >= self.end:
+            return time
+        knots = self.begin + self.reference.times
+        return float(knots[max(0, int(np.searchsorted(knots, time, side="right")) - 1)])
+
+    def state_at_switch(self, earliest: float, followed: Followed | None) -> MotionState:
+        """In what state another one takes over, at or after a time [s]; with a latent point where it is followed."""
+        time = self.switch(earliest)
+        local = time - self.begin
+        latent = None if followed is None else self.reference.latent_at(local)
+        return MotionState(time, *self.reference.sample(local), latent)
+
+
+@dataclass(frozen=True)
+class Followed:
+    """The plan behind the trajectory that is being played: its purpose, query and path, and when it was last judged.
+
+    Attributes
+    ----------
+    purpose : what the motion is for.
+    verdict : that of the plan, with the present clearance.
+    obstacles : those among which the trajectory was last certified; None: it has to be certified anew.
+    searched : when a path was last searched [s].
+    path, optimistic : as of `Plan`.
+    remaining : how much of the path to a covered goal an approach leaves [m]; inf with every other purpose.
+    rejected : the last path that was no gain over this one.
+    """
+
+    query: ArmQuery
+    purpose: Purpose
+    verdict: Verdict
+    obstacles: Obstacles | None
+    searched: float
+    path: LatentPath | None = None
+    optimistic: bool = False
+    remaining: float = math.inf
+    rejected: LatentPath | None = None
+
+    @classmethod
+    def begun(
+        cls,
+        query: ArmQuery,
+        plan: Plan,
+        obstacles: Obstacles,
+        now: float,
+        purpose: Purpose = Purpose.GOAL,
+        remaining: float = math.inf,
+    ) -> Followed:
+        """A plan that was made among obstacles at `now` [s], and is followed from now on."""
+        return cls(query, purpose, plan.verdict, obstacles, now, plan.path, plan.optimistic, remaining)
+
+    @property
+    def known(self) -> KnownPaths | None:
+        """Paths that are no gain where the search finds them again."""
+        return None if self.path is None else KnownPaths(self.path, self.rejected)
+
+    def is_due(self, now: float) -> bool:
+        """Whether a better path is to be searched at a time [s]."""
+        return now >= self.searched + constants.SEARCH_PERIOD - TIME_ROUNDING
+
+
+@dataclass(frozen=True)
+class Step:
+    """The outcome of one tick for the stream: the plan that is answered, and the plan that is followed from then on."""
+
+    plan: Plan
+    followed: Followed | None
