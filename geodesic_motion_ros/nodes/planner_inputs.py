@@ -82,11 +82,11 @@ class PlannerInputs:
         self._frame: str = parameters["base_frame"]
         self.frames = frames_of(node)
         self.refusals = Refusals(node.get_logger().warning)
-        self._time = NodeTime(node.get_clock())
+        self.time = NodeTime(node.get_clock())
         self._lock = threading.Lock()
         # "" stands for none
         self._tracker = ObstacleTracker([topic for topic in parameters["required_obstacle_topics"] if topic])
-        self._plausible = PlausibleJoints(robot)
+        self.plausible = PlausibleJoints(robot)
         self._joints: np.ndarray | None = None
         self._joints_taken = 0.0
         self._goal: tuple[np.ndarray, np.ndarray] | np.ndarray | Verdict | None = None
@@ -106,17 +106,17 @@ class PlannerInputs:
         self._subscribe(JointState, "joint_states", self._on_joint_states, RECENT)
         self._subscribe(PoseStamped, "goal_pose", self._on_goal, GOALS)
         self._subscribe(JointState, "goal_joints", self._on_goal_joints, GOALS)
-        self._subscribe(PoseStamped, "task_frame", self._on_task_frame, GOALS)
+        self._subscribe(PoseStamped, "task_frame", self.on_task_frame, GOALS)
         # Markers are edits of a set: each of them is needed. Of points and clouds the next one replaces what was lost;
         # clouds are large, and only the newest counts.
         self._obstacle_topics: dict[str, ObstacleSubscription] = {}
         edits = {"depth": 50, "reliability": ReliabilityPolicy.RELIABLE, "raw": True}
-        self._subscribe_obstacles(MarkerArray, "obstacles", self._on_obstacles, **edits)
-        self._subscribe_obstacles(Marker, "obstacle_marker", self._on_marker, **edits)
-        self._held_topic = ObstacleSubscription(node, MarkerArray, HELD, self._receive_held, **edits)
+        self._subscribe_obstacles(MarkerArray, "obstacles", self.on_obstacles, **edits)
+        self._subscribe_obstacles(Marker, "obstacle_marker", self.on_marker, **edits)
+        self._held_topic = ObstacleSubscription(node, MarkerArray, HELD, self.receive_held, **edits)
         best_effort = ReliabilityPolicy.BEST_EFFORT
-        self._subscribe_obstacles(PointStamped, "obstacle_point", self._on_point, depth=10, reliability=best_effort)
-        self._subscribe_obstacles(PointCloud2, "obstacle_cloud", self._on_cloud, depth=1, reliability=best_effort)
+        self._subscribe_obstacles(PointStamped, "obstacle_point", self.on_point, depth=10, reliability=best_effort)
+        self._subscribe_obstacles(PointCloud2, "obstacle_cloud", self.on_cloud, depth=1, reliability=best_effort)
 
     def start(self) -> None:
         """Begin to look at point clouds."""
@@ -128,7 +128,7 @@ class PlannerInputs:
 
     def snapshot(self) -> CycleInputs:
         """What is known now."""
-        moment = self._time.read()
+        moment = self.time.read()
         now = moment.running
         with self._lock:
             joints, taken = self._joints, self._joints_taken
@@ -167,7 +167,7 @@ class PlannerInputs:
 
     def ages(self) -> dict[str, float]:
         """Seconds since the newest data of each input was taken."""
-        now = self._time.running()
+        now = self.time.running()
         with self._lock:
             ages = self._tracker.ages(now)
             if self._joints is not None:
@@ -179,7 +179,7 @@ class PlannerInputs:
     def take_obstacle_load(self) -> tuple[int, Load]:
         """How many obstacles there are, and the load of their messages since the last call."""
         with self._lock:
-            count = len(self._tracker.current(self._time.running()))
+            count = len(self._tracker.current(self.time.running()))
         return count, self._load.take()
 
     def cloud_figures(self) -> CloudFigures:
@@ -210,7 +210,7 @@ class PlannerInputs:
         """Forget all obstacles and what was expected of their topics; returns how many there were."""
         self._cloud_thread.forget()
         with self._lock:
-            count = len(self._tracker.current(self._time.running()))
+            count = len(self._tracker.current(self.time.running()))
             self._tracker.clear()
         return count
 
@@ -243,11 +243,11 @@ class PlannerInputs:
     def _on_joint_states(self, message: JointState) -> None:
         joints = read_joint_positions(message, self._robot.joint_names)
         check_limits(joints, self._robot)
-        moment = self._time.read()
+        moment = self.time.read()
         if moment.now == 0.0:
             raise MessageRefused(f"{NO_CLOCK}: its age is unknown")
         taken = moment.running - max(0.0, _transit(seconds(message.header.stamp), moment))
-        self._plausible.check(joints, taken)
+        self.plausible.check(joints, taken)
         with self._lock:
             self._joints, self._joints_taken = joints, taken
 
@@ -275,14 +275,14 @@ class PlannerInputs:
             self._goal, self._goal_in_task_frame = goal, in_task_frame
             self._goal_number += 1
 
-    def _on_task_frame(self, message: PoseStamped) -> None:
+    def on_task_frame(self, message: PoseStamped) -> None:
         frame = read_pose(message, self._frame, self.frames)
-        moment = self._time.read()
+        moment = self.time.read()
         with self._lock:
             self._task_frame = frame
             self._task_frame_taken = moment.running - max(0.0, _transit(seconds(message.header.stamp), moment))
 
-    def _on_obstacles(self, message: bytes) -> None:
+    def on_obstacles(self, message: bytes) -> None:
         markers, updates, refused = markers_in(message), [], ""
         self._load.count(len(markers))
         for marker in markers:
@@ -290,7 +290,7 @@ class PlannerInputs:
             with self.refusals.guard("obstacles") as guard:
                 updates.append(read_marker(marker, self._frame, self.frames))
             refused = guard.reason or refused
-        moment = self._time.read()
+        moment = self.time.read()
         # A marker without a stamp is as old as the newest one beside it: the DELETEALL that begins a message has none.
         newest = max((update.stamp for update in updates), default=0.0)
         with self._lock:
@@ -305,7 +305,7 @@ class PlannerInputs:
         self._count_overtaken("obstacles", all(taken))
         self._obstacles_changed()
 
-    def _receive_held(self, message: bytes) -> None:
+    def receive_held(self, message: bytes) -> None:
         """All of a message, or nothing; the arm stands as long as anything that was to be attached is unknown."""
         markers = None
         with self.refusals.guard(HELD) as guard:
@@ -316,10 +316,10 @@ class PlannerInputs:
         with self._lock:
             self._unknown_held = unknown_after(self._unknown_held, markers, guard.reason)
 
-    def _on_marker(self, message: bytes) -> None:
+    def on_marker(self, message: bytes) -> None:
         self._load.count(1)
         update = read_marker(marker_in(message), self._frame, self.frames)
-        moment = self._time.read()
+        moment = self.time.read()
         with self._lock:
             taken = self._apply("obstacle_marker", update, moment.running, _transit(update.stamp, moment))
         self._count_overtaken("obstacle_marker", taken)
@@ -341,10 +341,10 @@ class PlannerInputs:
         if not taken:
             self.refusals.add(source, "overtaken: its stamp is older than that of what was heard before")
 
-    def _on_point(self, message: PointStamped) -> None:
+    def on_point(self, message: PointStamped) -> None:
         centre = read_point(message, self._frame, self.frames)
         radius, lifetime = self._parameters["obstacle_point_radius"], self._parameters["obstacle_lifetime"]
-        moment = self._time.read()
+        moment = self.time.read()
         transit = _transit(seconds(message.header.stamp), moment)
         with self._lock:
             taken = self._tracker.put(
@@ -353,10 +353,10 @@ class PlannerInputs:
         self._count_overtaken("obstacle_point", taken)
         self._obstacles_changed()
 
-    def _on_cloud(self, message: PointCloud2) -> None:
+    def on_cloud(self, message: PointCloud2) -> None:
         # one that is of no use must not take the place of one that waits
         frame_of(message.header, self._frame, self.frames)
-        moment = self._time.read()
+        moment = self.time.read()
         self._cloud_thread.put(message, (moment.running, _transit(seconds(message.header.stamp), moment)))
 
     def _field_of(self, message: PointCloud2) -> tuple[DistanceField, CloudFigures] | None:

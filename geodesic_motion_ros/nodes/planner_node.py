@@ -54,10 +54,10 @@ class PlannerNode(LoopingNode):
         skill = Skill.load(self._options["skill"])
         try:
             self._options.stand_in(of_robot(skill, self._options.values))
-            self._kind = kind_of(skill, self._options.values)
+            self.kind = kind_of(skill, self._options.values)
         except RobotError as error:
             raise SkillError(f"{self._options['skill']}: {error}") from error
-        robot = self._kind.robot
+        robot = self.kind.robot
         if skill.tool_frame != robot.tool_link:
             raise SkillError(
                 f"skill {skill.name} moves the frame {skill.tool_frame!r}, this node drives {robot.tool_link!r}"
@@ -66,28 +66,28 @@ class PlannerNode(LoopingNode):
             self.get_logger().warning(
                 f"base_frame {self._options['base_frame']!r} is taken for the skill's {skill.base_frame!r}"
             )
-        if self._kind.caution:
-            self.get_logger().info(self._kind.caution)
+        if self.kind.caution:
+            self.get_logger().info(self.kind.caution)
         values = self._options
         self._name = skill.name
-        self._cycle = self._kind.cycle
-        self._cycle.state_topic = self.resolve_topic_name("joint_states")
-        self._inputs = PlannerInputs(self, values, robot, self._kind.place, self._obstacles_changed)
-        self._outputs = PlannerOutputs(
-            self, values["base_frame"], skill.robot, self._kind.command_topic, self._kind.guarded, robot.joint_names
+        self.cycle = self.kind.cycle
+        self.cycle.state_topic = self.resolve_topic_name("joint_states")
+        self.inputs = PlannerInputs(self, values, robot, self.kind.place, self._obstacles_changed)
+        self.outputs = PlannerOutputs(
+            self, values["base_frame"], skill.robot, self.kind.command_topic, self.kind.guarded, robot.joint_names
         )
         self._said: dict[str, float] = {}
         self._newest_plan = ""
         self._held: tuple[HeldObject, ...] = ()
         self._newest: tuple[CycleInputs, CycleOutput] | None = None
         self._period = 1.0 / values["rate"]
-        self._loop = SteadyLoop(self._tick, values["rate"], self._died, name="planner")
+        self.loop = SteadyLoop(self._tick, values["rate"], self._died, name="planner")
         draws_path = "path and ~/markers", self._show_path, self._path_is_watched, values["path_rate"]
         self._pictures = [self._drawn(*draws_path)]
         self._make_view(skill)
         self._every(1.0, self._show_health, "/diagnostics")
         self._every(1.0, self._look_at_commands, "the search for other commanders")
-        self._every(1.0, self._inputs.look_for_other_types, "the search for obstacles of other types")
+        self._every(1.0, self.inputs.look_for_other_types, "the search for obstacles of other types")
         # A plan takes longer than a joint state may be old.
         self._plans = BackgroundService(self, GetPlan, "plan", self._on_plan)
         self.create_service(SetBool, "~/hold", self._on_hold)
@@ -96,25 +96,25 @@ class PlannerNode(LoopingNode):
     def _introduction(self) -> str:
         states, goals = (self.resolve_topic_name(name) for name in ("joint_states", "goal_pose"))
         return (
-            f"ready: skill '{self._name}' of {self._kind.subject}, commands on {self._outputs.command_topic}; "
+            f"ready: skill '{self._name}' of {self.kind.subject}, commands on {self.outputs.command_topic}; "
             f"waits for {states}, then for a goal on {goals}"
         )
 
     def start(self) -> None:
         """Begin to plan and command."""
-        self._inputs.start()
-        self._loop.start()
+        self.inputs.start()
+        self.loop.start()
         for picture in self._pictures:
             picture.start()
 
     def stop(self) -> None:
         """End the threads; harmless when they have ended or never began."""
-        self._loop.stop()
-        self._inputs.stop()
+        self.loop.stop()
+        self.inputs.stop()
         for picture in self._pictures:
             picture.stop()
         self._plans.stop()
-        self._kind.close()
+        self.kind.close()
 
     # ------------------------------------------------------------ control loop
 
@@ -122,15 +122,15 @@ class PlannerNode(LoopingNode):
         # The commanded pose moves on by one period, however many were missed: late is better than a jump.
         inputs = None if self._newest is None else self._newest[0]
         try:
-            inputs = self._inputs.snapshot()
-            output = self._cycle.run(inputs, self._period)
+            inputs = self.inputs.snapshot()
+            output = self.cycle.run(inputs, self._period)
         except Exception as error:  # a fault in the planner must stop the arm, not the node
             self._log(error)
             verdict = Verdict(VerdictCode.BAD_INPUT, f"internal error, see the log: {error!r}")
-            output = self._cycle.stop(verdict)
-        self._kind.send(self._outputs, output)
-        margins, held = self._kind.margins(), self._kind.held()
-        self._outputs.status(output, self._inputs.refusals, self._loop, self._newest_plan, margins, held)
+            output = self.cycle.stop(verdict)
+        self.kind.send(self.outputs, output)
+        margins, held = self.kind.margins(), self.kind.held()
+        self.outputs.status(output, self.inputs.refusals, self.loop, self._newest_plan, margins, held)
         if held != self._held:
             self._held = held
             self.get_logger().info(f"holding {', '.join(map(_held_text, held)) or 'nothing'}")
@@ -148,12 +148,12 @@ class PlannerNode(LoopingNode):
         self.get_logger().error("".join(traceback.format_exception(error)), throttle_duration_sec=1.0)
 
     def _obstacles_changed(self) -> None:
-        if self._kind.may_be_early:
-            self._loop.hurry()
+        if self.kind.may_be_early:
+            self.loop.hurry()
 
     def _publish_path(self, output: CycleOutput) -> None:
-        if self._outputs.path_is_watched:
-            self._outputs.path(None if output.reference is None else self._kind.tool_poses(output.reference))
+        if self.outputs.path_is_watched:
+            self.outputs.path(None if output.reference is None else self.kind.tool_poses(output.reference))
 
     def _say_goal(self, output: CycleOutput) -> None:
         if output.goal_refused:
@@ -178,7 +178,7 @@ class PlannerNode(LoopingNode):
         """Do something every so many seconds; an error in it must not end the node."""
 
         def guarded() -> None:
-            with self._inputs.refusals.guard(name):
+            with self.inputs.refusals.guard(name):
                 work()
 
         self.create_timer(period, guarded, clock=STEADY)
@@ -191,7 +191,7 @@ class PlannerNode(LoopingNode):
         """
 
         def guarded() -> None:
-            with self._inputs.refusals.guard(name):
+            with self.inputs.refusals.guard(name):
                 draw()
 
         def died(error: BaseException) -> None:
@@ -201,11 +201,11 @@ class PlannerNode(LoopingNode):
 
     def _make_view(self, skill: Skill) -> None:
         rate = self._options["latent_view_rate"]
-        view = None if rate == 0.0 else self._kind.view(skill, self._options["latent_view_size"])
+        view = None if rate == 0.0 else self.kind.view(skill, self._options["latent_view_size"])
         if view is not None:
-            self._view = view
+            self.view = view
             self._pictures.append(
-                self._drawn("~/latent_view", self._show_view, lambda: self._outputs.view_is_watched, rate)
+                self._drawn("~/latent_view", self._show_view, lambda: self.outputs.view_is_watched, rate)
             )
 
     def _show_view(self) -> None:
@@ -214,12 +214,12 @@ class PlannerNode(LoopingNode):
         inputs, output = self._newest
         path = None if output.reference is None else output.reference.latent
         obstacles = inputs.obstacles.moved_on(inputs.heard, 0.0, inputs.now)
-        self._outputs.view(
-            self._view.render(obstacles, path, output.verdict.code.name, output.verdict.displacement > 0.0)
+        self.outputs.view(
+            self.view.render(obstacles, path, output.verdict.code.name, output.verdict.displacement > 0.0)
         )
 
     def _path_is_watched(self) -> bool:
-        return self._outputs.path_is_watched or self._outputs.markers_are_watched
+        return self.outputs.path_is_watched or self.outputs.markers_are_watched
 
     def _show_path(self) -> None:
         if self._newest is None:
@@ -227,37 +227,37 @@ class PlannerNode(LoopingNode):
         inputs, output = self._newest
         if output.reference is not None:
             self._publish_path(output)
-        if self._outputs.markers_are_watched:
-            path = np.zeros((0, 3)) if output.reference is None else self._kind.tool_poses(output.reference)[0]
+        if self.outputs.markers_are_watched:
+            path = np.zeros((0, 3)) if output.reference is None else self.kind.tool_poses(output.reference)[0]
             is_detour = output.verdict.displacement > 0.0
             held, tool = (), TaskFrame.identity()
             if output.configuration is not None:
-                held, tool = self._kind.held(), TaskFrame(*self._kind.robot.forward(output.configuration))
-            body = self._kind.body(output)
-            self._outputs.markers(path, is_detour, inputs.obstacles, self._kind.scene, body, held, tool)
+                held, tool = self.kind.held(), TaskFrame(*self.kind.robot.forward(output.configuration))
+            body = self.kind.body(output)
+            self.outputs.markers(path, is_detour, inputs.obstacles, self.kind.scene, body, held, tool)
 
     def _show_health(self) -> None:
-        refusals = self._inputs.refusals
-        self._outputs.diagnostics(
-            self._loop.statistics(),
+        refusals = self.inputs.refusals
+        self.outputs.diagnostics(
+            self.loop.statistics(),
             self._options["rate"],
-            self._inputs.ages(),
+            self.inputs.ages(),
             refusals.counts,
             refusals.newest(1.0),
-            self._inputs.cloud_figures(),
-            *self._inputs.take_obstacle_load(),
+            self.inputs.cloud_figures(),
+            *self.inputs.take_obstacle_load(),
         )
 
     def _look_at_commands(self) -> None:
-        self._inputs.set_nodes_on_commands(*self._outputs.look_for_nodes_on_commands())
+        self.inputs.set_nodes_on_commands(*self.outputs.look_for_nodes_on_commands())
 
     # ---------------------------------------------------------------- services
 
     def _on_plan(self, request: GetPlan.Request, response: GetPlan.Response) -> GetPlan.Response:
         frame, poses = self._options["base_frame"], None
         try:
-            poses, verdict = self._kind.plan(
-                *(_request_pose(request, end, frame, self._inputs.frames) for end in ("start", "goal"))
+            poses, verdict = self.kind.plan(
+                *(_request_pose(request, end, frame, self.inputs.frames) for end in ("start", "goal"))
             )
         except MessageRefused as error:
             verdict = Verdict(VerdictCode.BAD_INPUT, str(error))
@@ -270,19 +270,19 @@ class PlannerNode(LoopingNode):
 
     def _on_hold(self, request: SetBool.Request, response: SetBool.Response) -> SetBool.Response:
         def hold() -> str:
-            self._inputs.request_hold(request.data)
+            self.inputs.request_hold(request.data)
             return "holding" if request.data else "released"
 
-        return self._inputs.refusals.answered("~/hold", response, hold)
+        return self.inputs.refusals.answered("~/hold", response, hold)
 
     def _on_clear_obstacles(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         def clear() -> str:
-            return f"{self._inputs.clear_obstacles()} obstacles forgotten"
+            return f"{self.inputs.clear_obstacles()} obstacles forgotten"
 
-        return self._inputs.refusals.answered("~/clear_obstacles", response, clear)
+        return self.inputs.refusals.answered("~/clear_obstacles", response, clear)
 
     def _parameters_changed(self, values: Mapping[str, Value]) -> None:
-        self._kind.update(values)
+        self.kind.update(values)
 
 
 def _path_news(before: tuple[CycleInputs, CycleOutput], now: tuple[CycleInputs, CycleOutput]) -> bool:

@@ -112,13 +112,13 @@ class TwinNode(LoopingNode):
         values = self._options
         self._robot, self._frame = robot_of(values.values), base_frame(values.values)
         scene = scene_around(values["scene"], values["skill"])
-        self._world = ArmWorld(values["gui"], values["physics_rate"], scene, self._robot)
-        self._world.reset(initial_joints(values.values, self._world.robot))
+        self.world = ArmWorld(values["gui"], values["physics_rate"], scene, self._robot)
+        self.world.reset(initial_joints(values.values, self.world.robot))
         self._spheres, self._spheres_start = ScriptedSpheres({}), 0.0
         self._steps = self._contacts = 0
         self._touched: set[str] = set()
         self._least_clearance = np.inf
-        self._refusals = Refusals(self.get_logger().warning)
+        self.refusals = Refusals(self.get_logger().warning)
         self._mailbox: queue.SimpleQueue[tuple[Callable[[], str], Future[str]]] = queue.SimpleQueue()
         self._command: _Command | None = None
         # The newest target posture, and its stamp [s].
@@ -177,7 +177,7 @@ class TwinNode(LoopingNode):
     def stop(self) -> None:
         """End physics and close the world; harmless when done before."""
         if self._loop.stop():
-            self._world.close()
+            self.world.close()
 
     # ------------------------------------------------------------ physics thread
 
@@ -187,10 +187,10 @@ class TwinNode(LoopingNode):
         steps = self._take_steps(moment.running)
         if moment.set_by != self._set_by:
             self._set_by, self._clock_offset = moment.set_by, ClockOffset()
-            self._world.hold()
+            self.world.hold()
         # what the steps arrive at is the state of now
-        arrival = self._world.time + steps * self._world.dt
-        self._world.clock_offset = self._clock_offset.update(moment.now, arrival)
+        arrival = self.world.time + steps * self.world.dt
+        self.world.clock_offset = self._clock_offset.update(moment.now, arrival)
         # What a late tick makes up for was before its command came: until then the old one is followed.
         made = self._make_up(steps - 1)
         self._take_command()
@@ -207,8 +207,8 @@ class TwinNode(LoopingNode):
 
         running : now [s].
         """
-        due = max(0, round((running - self._stepped_until) / self._world.dt))
-        self._stepped_until += due * self._world.dt
+        due = max(0, round((running - self._stepped_until) / self.world.dt))
+        self._stepped_until += due * self.world.dt
         return due
 
     def _make_up(self, steps: int) -> int:
@@ -221,21 +221,21 @@ class TwinNode(LoopingNode):
         return made
 
     def _step(self) -> None:
-        self._world.set_obstacles(self._spheres.obstacles(self._world.time - self._spheres_start))
-        if (timeout := self._options["cmd_timeout"]) > 0.0 and self._world.hold_if_overdue(timeout):
+        self.world.set_obstacles(self._spheres.obstacles(self.world.time - self._spheres_start))
+        if (timeout := self._options["cmd_timeout"]) > 0.0 and self.world.hold_if_overdue(timeout):
             self.get_logger().warning(
                 f"no new {_TRAJECTORIES} for {timeout:g} s after the end of the last one (cmd_timeout): "
                 "the arm holds where it is"
             )
-        self._world.step()
+        self.world.step()
         self._steps += 1
-        if contacts := self._world.contacts():
+        if contacts := self.world.contacts():
             self._contacts += 1
             for name in contacts.keys() - self._touched:
                 self.get_logger().warning(f"{contacts[name]} touches '{name}'")
             self._touched |= contacts.keys()
         if self._spheres.items:
-            self._least_clearance = min(self._least_clearance, self._world.clearance()[0])
+            self._least_clearance = min(self._least_clearance, self.world.clearance()[0])
 
     def _take_command(self) -> None:
         with self._command_lock:
@@ -246,15 +246,15 @@ class TwinNode(LoopingNode):
         # a trajectory ends by itself
         elif now - self._commanded_at > self._options["command_timeout"]:
             if self._commander == _POSES:
-                self._world.hold()
+                self.world.hold()
             elif self._commander == _HAND:
-                self._world.let_go()
+                self.world.let_go()
 
     def _obey(self, command: _Command, now: float) -> None:
         if now < self._deaf_until:
-            self._refusals.add(command.topic, f"the arm was reset, nothing is followed for {_DEAF:g} s")
+            self.refusals.add(command.topic, f"the arm was reset, nothing is followed for {_DEAF:g} s")
             return
-        with self._refusals.guard(command.topic) as guard:
+        with self.refusals.guard(command.topic) as guard:
             try:
                 command.apply()
             except RobotError as error:
@@ -284,7 +284,7 @@ class TwinNode(LoopingNode):
 
     def _publish_state(self) -> None:
         stamp = self._stamp()
-        world = self._world
+        world = self.world
         self._joint_states.publish(
             joint_state_message(world.robot.joint_names, world.joint_positions, world.joint_velocities, stamp)
         )
@@ -292,7 +292,7 @@ class TwinNode(LoopingNode):
 
     def _publish_obstacles(self) -> None:
         stamp = self._stamp()
-        spheres = list(self._spheres.obstacles(self._world.time - self._spheres_start).values())
+        spheres = list(self._spheres.obstacles(self.world.time - self._spheres_start).values())
         shown = [
             sphere_marker("twin", number, *sphere, _OBSTACLE_COLOUR, self._frame, stamp)
             for number, sphere in enumerate(spheres)
@@ -309,42 +309,42 @@ class TwinNode(LoopingNode):
         self._least_clearance = np.inf
 
     def _publish_image(self) -> None:
-        self._image.publish(image_message(self._world.render(*_IMAGE_SIZE), self._stamp()))
+        self._image.publish(image_message(self.world.render(*_IMAGE_SIZE), self._stamp()))
 
     # ---------------------------------------------------------------- callbacks
 
     def _on_target(self, message: PoseStamped) -> None:
-        with self._refusals.guard(_POSES):
+        with self.refusals.guard(_POSES):
             position, quaternion = read_pose(message, self._frame)
             posture, stamp = self._posture
             known = posture is not None and abs(seconds(message.header.stamp) - stamp) <= _SAME_TIME
             followed = posture if known and self._options["follow_posture"] else None
-            self._ask(_Command(_POSES, partial(self._world.set_target_pose, position, quaternion, followed)))
+            self._ask(_Command(_POSES, partial(self.world.set_target_pose, position, quaternion, followed)))
 
     def _on_posture(self, message: JointState) -> None:
-        with self._refusals.guard(_POSTURES):
-            posture = read_joint_positions(message, self._world.robot.joint_names)
+        with self.refusals.guard(_POSTURES):
+            posture = read_joint_positions(message, self.world.robot.joint_names)
             try:
-                self._posture = self._world.robot.checked(posture), seconds(message.header.stamp)
+                self._posture = self.world.robot.checked(posture), seconds(message.header.stamp)
             except RobotError as error:
                 raise MessageRefused(str(error)) from error
 
     def _on_hand(self, message: PoseStamped) -> None:
-        with self._refusals.guard(_HAND):
-            self._ask(_Command(_HAND, partial(self._world.pull, *read_pose(message, self._frame))))
+        with self.refusals.guard(_HAND):
+            self._ask(_Command(_HAND, partial(self.world.pull, *read_pose(message, self._frame))))
 
     def _on_trajectory(self, message: JointTrajectory) -> None:
-        with self._refusals.guard(_TRAJECTORIES):
-            waypoints = read_joint_trajectory(message, self._world.robot)
+        with self.refusals.guard(_TRAJECTORIES):
+            waypoints = read_joint_trajectory(message, self.world.robot)
             begin = seconds(message.header.stamp) or None
-            self._ask(_Command(_TRAJECTORIES, partial(self._world.set_joint_trajectory, waypoints, begin)))
+            self._ask(_Command(_TRAJECTORIES, partial(self.world.set_joint_trajectory, waypoints, begin)))
 
     def _ask(self, command: _Command) -> None:
         with self._command_lock:
             self._command = command
 
     def _look_for_rivals(self) -> None:
-        with self._refusals.guard("the search for other commanders"):
+        with self.refusals.guard("the search for other commanders"):
             rivals = [
                 f"{topic} is published by {' and '.join(names)}"
                 for topic, subscription in zip((_POSES, _TRAJECTORIES), self._commands, strict=True)
@@ -355,14 +355,14 @@ class TwinNode(LoopingNode):
                 self.get_logger().warning(warning, throttle_duration_sec=5.0)
 
     def _on_reset(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-        return self._refusals.answered("~/reset", response, partial(self._in_physics_thread, self._reset))
+        return self.refusals.answered("~/reset", response, partial(self._in_physics_thread, self._reset))
 
     def _on_spawn(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-        return self._refusals.answered("~/spawn_obstacles", response, partial(self._in_physics_thread, self._spawn))
+        return self.refusals.answered("~/spawn_obstacles", response, partial(self._in_physics_thread, self._spawn))
 
     def _on_free_drive(self, request: SetBool.Request, response: SetBool.Response) -> SetBool.Response:
         work = self._begin_free_drive if request.data else self._end_free_drive
-        return self._refusals.answered("~/free_drive", response, partial(self._in_physics_thread, work))
+        return self.refusals.answered("~/free_drive", response, partial(self._in_physics_thread, work))
 
     def _in_physics_thread(self, work: Callable[[], str]) -> str:
         done: Future[str] = Future()
@@ -376,7 +376,7 @@ class TwinNode(LoopingNode):
             raise MessageRefused(f"physics did not answer within {_PATIENCE:g} s") from error
 
     def _reset(self) -> str:
-        self._world.reset(initial_joints(self._options.values, self._world.robot))
+        self.world.reset(initial_joints(self._options.values, self.world.robot))
         self._begin_anew()
         with self._command_lock:
             self._command = None
@@ -384,11 +384,11 @@ class TwinNode(LoopingNode):
         return "the arm is where it started, the spheres begin again, contacts count from zero"
 
     def _begin_free_drive(self) -> str:
-        self._world.begin_free_drive()
+        self.world.begin_free_drive()
         return "the arm is in free drive: gravity is compensated, it goes where it is pulled and follows no command"
 
     def _end_free_drive(self) -> str:
-        self._world.end_free_drive()
+        self.world.end_free_drive()
         return "the motors hold the arm where it is"
 
     def _spawn(self) -> str:
@@ -398,7 +398,7 @@ class TwinNode(LoopingNode):
 
     def _begin_anew(self) -> None:
         """What is still to be made up for was before."""
-        self._spheres_start, self._stepped_until = self._world.time, self._time.running()
+        self._spheres_start, self._stepped_until = self.world.time, self._time.running()
         self._contacts, self._least_clearance = 0, np.inf
         self._touched.clear()
 

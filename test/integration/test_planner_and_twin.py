@@ -97,7 +97,7 @@ def test_the_answer_to_a_goal_is_waited_for_while_it_is_prepared(bench, options,
     bench.add(TwinNode, skill=str(skill_folder))
     node = bench.add(PlannerNode, **options)
     bench.wait_for_code("NO_GOAL")
-    planner = node._kind.planner
+    planner = node.kind.planner
     prepare, said = planner.prepared_goal, []
 
     def slowly(*arguments):
@@ -117,7 +117,7 @@ def test_a_ball_on_the_path_is_hit_without_avoidance_and_not_with_it(bench, opti
     bench.add(TwinNode, initial_joint_positions=start_joints.tolist(), spheres=BALL, spawn_at_start=True)
     planner = bench.add(PlannerNode, **options, avoidance=avoidance)
     bench.wait_for_code("NO_GOAL")
-    bench.wait(lambda: len(planner._inputs.snapshot().obstacles.radii), "the ball at the planner")
+    bench.wait(lambda: len(planner.inputs.snapshot().obstacles.radii), "the ball at the planner")
     bench.send_goal(skill.goal_pose)
     if avoidance:
         arrive(bench, skill.goal_pose)
@@ -141,7 +141,7 @@ def test_what_blocks_every_demonstrated_path_is_passed_by_a_detour_once_a_scene_
     bench.add(TwinNode, initial_joint_positions=start_joints.tolist(), spheres=wide, spawn_at_start=True, **declares)
     planner = bench.add(PlannerNode, **options | declares, patience=0.5)
     bench.wait_for_code("NO_GOAL")
-    bench.wait(lambda: len(planner._inputs.snapshot().obstacles.radii), "the ball at the planner")
+    bench.wait(lambda: len(planner.inputs.snapshot().obstacles.radii), "the ball at the planner")
     bench.send_goal(skill.goal_pose)
     if (folder, scene) == ("skill_folder", ""):
         asked = len(bench.heard["planner/status"])
@@ -172,7 +172,7 @@ def test_where_unseen_is_blocked_a_detour_leads_through_what_is_seen(
     bench.add(TwinNode, initial_joint_positions=start_joints.tolist(), spheres=wide, spawn_at_start=True)
     planner = bench.add(PlannerNode, **options, scene=str(scene), unseen="blocked", patience=0.5)
     bench.wait_for_code("NO_GOAL")
-    bench.wait(lambda: len(planner._inputs.snapshot().obstacles.radii), "the ball at the planner")
+    bench.wait(lambda: len(planner.inputs.snapshot().obstacles.radii), "the ball at the planner")
     bench.send_goal(skill.goal_pose)
     if seen:
         arrive(bench, skill.goal_pose)

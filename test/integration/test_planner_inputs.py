@@ -85,9 +85,9 @@ class TestBadInput:
             (PointCloud2, "obstacle_cloud", cloud),
         ):
             moving.publisher(kind, topic).publish(message)
-            moving.wait(lambda topic=topic: topic in moving.planner._inputs.ages(), f"the first message on {topic}")
+            moving.wait(lambda topic=topic: topic in moving.planner.inputs.ages(), f"the first message on {topic}")
         moving.wait(moving.at_goal, "an arm at rest")
-        before = moving.planner._inputs.snapshot()
+        before = moving.planner.inputs.snapshot()
         for name, (kind, topic, message, reason) in REFUSED.items():
             publisher = moving.publisher(kind, topic)
 
@@ -100,7 +100,7 @@ class TestBadInput:
             moving.wait(refused, f"the refusal of: {name}")
             assert moving.heard["planner/status"][-1].status[0].level == DiagnosticStatus.WARN, name
             assert moving.status()["code"] == "OK", name
-        after = moving.planner._inputs.snapshot()
+        after = moving.planner.inputs.snapshot()
         np.testing.assert_array_equal(after.obstacles.centres, before.obstacles.centres)
         np.testing.assert_allclose(after.measured[0], before.measured[0], atol=1e-6)
 
@@ -156,9 +156,9 @@ class TestTaskFrame:
     def move_frame(self, bench, make_pose) -> None:
         frame = make_pose(np.concatenate([self.FRAME.origin, self.FRAME.quaternion]))
         bench.publisher(PoseStamped, "task_frame").publish(frame)
-        bench.wait(lambda: bench.planner._inputs.snapshot().task_frame is not None, "the frame")
+        bench.wait(lambda: bench.planner.inputs.snapshot().task_frame is not None, "the frame")
         # Statuses that are still in transit are of cycles before.
-        ticks = bench.planner._loop.ticks
+        ticks = bench.planner.loop.ticks
         bench.wait(lambda: int(bench.status()["tick"]) > ticks + 2, "cycles that have taken it")
 
     def test_a_plan_moves_with_the_frame(self, ready, skill, make_pose):
@@ -191,10 +191,10 @@ class TestTaskFrame:
         assert ready.status()["code"] == "OK"
 
     def test_a_bad_frame_is_refused_and_the_old_one_stays(self, moving):
-        before = moving.planner._inputs.snapshot().task_frame
+        before = moving.planner.inputs.snapshot().task_frame
         moving.publisher(PoseStamped, "task_frame").publish(goal(x=0.1, w=0.0))
         moving.wait(lambda: "zero quaternion" in moving.status()["refused_input"], "the refusal of the frame")
-        after = moving.planner._inputs.snapshot().task_frame
+        after = moving.planner.inputs.snapshot().task_frame
         np.testing.assert_array_equal(after[0], before[0])
         assert moving.status()["code"] == "OK"
 
@@ -237,7 +237,7 @@ class TestOtherFrames:
         )
         upright = np.array([1.0, 0.0, 0.0, 0.0])
         centre = self.CAMERA.to_task(np.array([0.465, 0.8, 0.34]), upright)[0]
-        obstacles = lambda: ready.planner._inputs.snapshot().obstacles  # noqa: E731
+        obstacles = lambda: ready.planner.inputs.snapshot().obstacles  # noqa: E731
         ready.send_spheres((centre, 0.05), frame="camera")
         ready.wait(lambda: "frame 'camera'" in ready.status()["refused_input"], "the refusal of the obstacle")
         assert "no camera" in ready.status()["refused_input"]

@@ -125,7 +125,7 @@ class TestPlanService:
         assert moving.status()["code"] == "OK"
 
     def test_joint_states_are_heard_however_long_an_answer_takes(self, moving, skill, make_pose, monkeypatch):
-        kind = moving.planner._kind
+        kind = moving.planner.kind
         plan = kind.plan
 
         def slowly(*ends):
@@ -142,7 +142,7 @@ class TestPlanService:
         assert "STALE_STATE" not in said
 
     def test_a_node_that_stops_finishes_one_plan_and_drops_those_that_wait(self, moving, skill, make_pose, monkeypatch):
-        kind, begun, release = moving.planner._kind, threading.Semaphore(0), threading.Event()
+        kind, begun, release = moving.planner.kind, threading.Semaphore(0), threading.Event()
         plan, plans = kind.plan, []
 
         def waiting(*ends):
@@ -164,7 +164,7 @@ class TestPlanService:
 
     def test_is_empty_when_there_is_no_path(self, ready, skill, make_pose, wall):
         ready.send_spheres(wall)
-        ready.wait(lambda: len(ready.planner._inputs.snapshot().obstacles.radii), "the obstacle")
+        ready.wait(lambda: len(ready.planner.inputs.snapshot().obstacles.radii), "the obstacle")
         assert not ready.call(GetPlan, "plan", self.request(make_pose, skill.start_pose, skill.goal_pose)).plan.poses
         ready.wait(lambda: ready.status()["plan"].startswith("NO_FEASIBLE_PATH: "), "the reason in the status")
 
@@ -183,7 +183,7 @@ class TestFaults:
             raise ZeroDivisionError
 
         with monkeypatch.context() as patch:
-            patch.setattr(moving.planner._inputs._plausible, "check", fail)
+            patch.setattr(moving.planner.inputs.plausible, "check", fail)
             moving.wait(lambda: moving.status()["refused_input"], "a refusal")
             assert "joint_states: internal error, see the log: ZeroDivisionError()" in moving.status()["refused_input"]
         assert int(moving.status()["refused_joint_states"]) > 0
@@ -196,7 +196,7 @@ class TestFaults:
             failed.append(0)
             raise ZeroDivisionError
 
-        monkeypatch.setattr(moving.planner._outputs, "diagnostics", fail)
+        monkeypatch.setattr(moving.planner.outputs, "diagnostics", fail)
         moving.wait(lambda: len(failed) > 1, "the timer to fail twice")
         moving.wait(lambda: int(moving.status().get("refused_/diagnostics", 0)) > 0, "the failure among those counted")
         assert moving.status()["code"] == "OK"
@@ -210,7 +210,7 @@ class TestFaults:
             raise ZeroDivisionError
 
         with monkeypatch.context() as patch:
-            patch.setattr(ready.planner._inputs, inside, fail)
+            patch.setattr(ready.planner.inputs, inside, fail)
             answer = ready.call(kind, f"planner/{service}", kind.Request())
         assert not answer.success
         assert answer.message == "internal error, see the log: ZeroDivisionError()"
@@ -222,7 +222,7 @@ class TestFaults:
             raise ZeroDivisionError
 
         with monkeypatch.context() as patch:
-            patch.setattr(moving.planner._inputs, "snapshot", fail)
+            patch.setattr(moving.planner.inputs, "snapshot", fail)
             moving.wait_for_code("BAD_INPUT", "internal error, see the log: ZeroDivisionError()")
         moving.wait_for_code("OK")
         assert not moving.planner.failure.is_set()
@@ -235,8 +235,8 @@ class TestPictures:
         bench.send_joint_states(start_joints)
         bench.send_goal(skill.goal_pose)
         bench.wait_for_code("OK")
-        drawn, render = [], node._view.render
-        monkeypatch.setattr(node._view, "render", lambda *of: drawn.append(render(*of)) or drawn[-1])
+        drawn, render = [], node.view.render
+        monkeypatch.setattr(node.view, "render", lambda *of: drawn.append(render(*of)) or drawn[-1])
         so_far = len(bench.heard["planner/status"])
         bench.wait(lambda: len(bench.heard["planner/status"]) > so_far + 60, "half a second in which nobody looks")
         assert not drawn
@@ -293,7 +293,7 @@ class TestParameters:
         assert not result.successful
         assert "obstacle_timeout" in result.reason
         assert ready.planner.get_parameter("state_timeout").value == 2.0
-        assert ready.planner._cycle.state_timeout == 2.0
+        assert ready.planner.cycle.state_timeout == 2.0
 
     def test_good_ones_at_run_time_take_effect(self, ready, start_joints):
         request = SetParametersAtomically.Request(

@@ -120,7 +120,7 @@ class TestObstacles:
         status = moving.wait_for_code("STALE_OBSTACLES", f"silent: {topic} for ")
         assert "call ~/clear_obstacles" in status["reason"]
         moving.wait_for_code("OK")
-        assert len(moving.planner._inputs.snapshot().obstacles) == 0
+        assert len(moving.planner.inputs.snapshot().obstacles) == 0
 
     def test_latched_obstacles_of_before_the_start_count(self, bench, planner_options, start_joints, skill, wall):
         latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
@@ -189,7 +189,7 @@ class TestObstacles:
         moving.wait(lambda: shown("solids") and shown("cloud"), "both among the markers")
         assert (shown("solids").type, shown("solids").scale.z) == (Marker.CUBE, 0.3)
         assert len(shown("cloud").points) == 2
-        figures = moving.planner._inputs.cloud_figures()
+        figures = moving.planner.inputs.cloud_figures()
         assert (figures.points, figures.out_of_reach, figures.not_finite) == (2, 1, 1)
 
 
@@ -197,10 +197,10 @@ class TestObstacles:
 def test_an_obstacle_hurries_the_tick_where_trajectories_are_sent(bench, planner_options, monkeypatch, output, early):
     """Poses are to be followed at once: their ticks stay even."""
     node, hurried = bench.add(PlannerNode, **planner_options | {"output": output}), threading.Event()
-    monkeypatch.setattr(node._loop, "hurry", hurried.set)
+    monkeypatch.setattr(node.loop, "hurry", hurried.set)
     bench.watch_planner()
     bench.wait_for_code("STALE_STATE")
     assert not hurried.is_set()
     bench.send_spheres(([2.0, 2.0, 2.0], 0.1))
-    bench.wait(lambda: len(node._inputs.snapshot().obstacles), "the obstacle")
+    bench.wait(lambda: len(node.inputs.snapshot().obstacles), "the obstacle")
     assert hurried.wait(20.0 if early else 0.2) is early

@@ -204,29 +204,29 @@ class TestFaults:
     @pytest.mark.parametrize("service", ["reset", "spawn_obstacles"])
     def test_in_a_service(self, twin, monkeypatch, service):
         with monkeypatch.context() as patch:
-            patch.setattr(twin.twin._world, "reset", fail)
+            patch.setattr(twin.twin.world, "reset", fail)
             patch.setattr(twin_node, "scripted_spheres", fail)
             answer = twin.call(Trigger, f"twin/{service}", Trigger.Request())
         assert not answer.success
         assert answer.message == "internal error, see the log: ZeroDivisionError()"
-        assert twin.twin._refusals.counts[f"~/{service}"] == 1
+        assert twin.twin.refusals.counts[f"~/{service}"] == 1
         assert twin.call(Trigger, f"twin/{service}", Trigger.Request()).success
         assert not twin.twin.failure.is_set()
 
     def test_in_a_command(self, twin, monkeypatch, skill, make_pose):
-        monkeypatch.setattr(twin.twin._world, "set_target_pose", fail)
+        monkeypatch.setattr(twin.twin.world, "set_target_pose", fail)
         twin.listen_to_log()
         twin.publisher(PoseStamped, "target_pose").publish(make_pose(skill.start_pose))
         refused = "an error in target_pose: internal error, see the log: ZeroDivisionError()"
         twin.wait(lambda: twin.logged(refused), "the error")
-        assert twin.twin._refusals.counts["target_pose"] == 1
+        assert twin.twin.refusals.counts["target_pose"] == 1
         heard = len(twin.heard["joint_states"])
         twin.wait(lambda: len(twin.heard["joint_states"]) > heard + 5, "further states")
 
     def test_in_a_timer(self, twin, monkeypatch):
         monkeypatch.setattr(twin_node, "publishers_of", fail)
         topic = "the search for other commanders"
-        twin.wait(lambda: twin.twin._refusals.counts.get(topic, 0) > 1, "the timer to fail twice")
+        twin.wait(lambda: twin.twin.refusals.counts.get(topic, 0) > 1, "the timer to fail twice")
 
     def test_in_a_parameter(self, twin, monkeypatch):
         with monkeypatch.context() as patch:

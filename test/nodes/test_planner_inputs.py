@@ -39,7 +39,7 @@ class Bench:
         self.parameters = PARAMETERS | parameters
         robot = Robot.named("panda")
         self.inputs = PlannerInputs(node, self.parameters, robot, lambda joints: joints, self.changed.set)
-        self.inputs._time = NodeTime(self, lambda: self.steady)
+        self.inputs.time = NodeTime(self, lambda: self.steady)
 
     def now(self) -> Any:
         return SimpleNamespace(nanoseconds=self.ros)
@@ -63,7 +63,7 @@ class Bench:
         return marker
 
     def tell(self, *markers: Marker) -> None:
-        self.inputs._on_obstacles(serialize_message(MarkerArray(markers=list(markers))))
+        self.inputs.on_obstacles(serialize_message(MarkerArray(markers=list(markers))))
 
     def move(self, late: float | None, duration: float = 1.0, delay: float | None = None) -> None:
         """Tell of a sphere along x, where it was `delay` ago, sixty times a second.
@@ -148,12 +148,12 @@ class TestLate:
     def test_every_topic_is_judged_by_its_stamps(self, bench, topic):
         inputs = bench.inputs
         if topic == "obstacle_marker":
-            inputs._on_marker(serialize_message(bench.sphere(late=2.0)))
+            inputs.on_marker(serialize_message(bench.sphere(late=2.0)))
         elif topic == "obstacle_point":
-            inputs._on_point(PointStamped(header=bench.header(2.0)))
+            inputs.on_point(PointStamped(header=bench.header(2.0)))
         else:
             inputs.start()
-            inputs._on_cloud(cloud(bench.header(2.0)))
+            inputs.on_cloud(cloud(bench.header(2.0)))
             assert bench.changed.wait(PATIENCE)
             inputs.stop()
         assert len(inputs.snapshot().obstacles) == 1
@@ -246,13 +246,13 @@ class TestRequired:
         assert bench.inputs.snapshot().unusable_sources == {"obstacles": UNHEARD, "obstacle_point": UNHEARD}
         bench.tell()
         assert bench.inputs.snapshot().unusable_sources == {"obstacle_point": UNHEARD}
-        bench.inputs._on_point(PointStamped(header=bench.header()))
+        bench.inputs.on_point(PointStamped(header=bench.header()))
         assert bench.inputs.snapshot().unusable_sources == {}
         bench.inputs.clear_obstacles()
         assert bench.inputs.snapshot().unusable_sources == {"obstacles": UNHEARD, "obstacle_point": UNHEARD}
 
     def test_one_that_deletes_its_last_obstacle_must_go_on(self, bench):
-        bench.inputs._on_point(PointStamped(header=bench.header()))
+        bench.inputs.on_point(PointStamped(header=bench.header()))
         for markers in ([bench.sphere()], [Marker(action=Marker.DELETEALL)], []):
             bench.tell(*markers)
             bench.go(0.4)
@@ -265,7 +265,7 @@ class TestRequired:
         assert bench.inputs.snapshot().unusable_sources == {}
 
     def test_one_that_deletes_all_and_cannot_be_used_is_unusable_until_it_can(self, bench):
-        bench.inputs._on_point(PointStamped(header=bench.header()))
+        bench.inputs.on_point(PointStamped(header=bench.header()))
         elsewhere = Marker(header=Header(frame_id="camera"), type=Marker.SPHERE)
         for before in ([bench.sphere()], []):
             bench.tell(*before)
@@ -285,7 +285,7 @@ def test_the_task_frame_has_an_age_once_it_was_heard_and_is_never_silent(bench):
     assert "task_frame" not in bench.inputs.ages()
     frame = PoseStamped(header=bench.header(0.2))
     frame.pose.orientation.w = 1.0
-    bench.inputs._on_task_frame(frame)
+    bench.inputs.on_task_frame(frame)
     bench.go(3.0)
     assert bench.inputs.ages() == {"task_frame": pytest.approx(3.2)}
     assert not bench.inputs.snapshot().silent_sources
@@ -301,7 +301,7 @@ class TestHeld:
 
     def tell(self, bench: Bench, *markers: Marker) -> tuple[list[str], str]:
         """Names of what is held after a message, and why that is not known."""
-        bench.inputs._receive_held(serialize_message(MarkerArray(markers=list(markers))))
+        bench.inputs.receive_held(serialize_message(MarkerArray(markers=list(markers))))
         snapshot = bench.inputs.snapshot()
         return [held.name for held in snapshot.held], snapshot.held_refused
 
@@ -340,7 +340,7 @@ class TestHeld:
         assert self.tell(bench, self.ball(action=Marker.DELETE)) == ([], "")
 
     def test_what_is_no_marker_array(self, bench):
-        bench.inputs._receive_held(b"\x00\x01\x00\x00\xff")
+        bench.inputs.receive_held(b"\x00\x01\x00\x00\xff")
         assert bench.inputs.snapshot().held_refused
         assert self.tell(bench, self.ball())[1]
         assert self.tell(bench, Marker(action=Marker.DELETEALL)) == ([], "")
