@@ -72,6 +72,7 @@ class ConfigurationGraph(LatentGraph):
     ----------
     configurations : (n, eta) decoded nodes [rad].
     robot, body : whose body points the metric sees.
+    sigma_shares : (m, K) sigma's part of the squared lengths of each body point, which no transport changes.
     """
 
     decoder: JointSpaceDecoder
@@ -79,9 +80,9 @@ class ConfigurationGraph(LatentGraph):
     robot: Robot
     body: BodyPoints
     configurations: np.ndarray
-    # Sigma's part of the squared lengths, which no transport changes: of the joints (m,), of each body point (m, K).
+    sigma_shares: np.ndarray
+    # The same of the joints (m,).
     _sigma_fixed: np.ndarray
-    _sigma_shares: np.ndarray
 
     def transported(self, offsets: JointOffsets, conformal: np.ndarray | None = None) -> CarriedConfigurations:
         """Carry the nodes to a query; `conformal` (n,) >= 1, None for 1, as in `PoseGraph.transported`."""
@@ -89,7 +90,7 @@ class ConfigurationGraph(LatentGraph):
         points = place_body_points(configurations, self.body.frames, self.body.offsets, self.robot.chain)
         first, second = self.edges.T
         factor = np.ones(len(self.edges)) if conformal is None else 0.5 * (conformal[first] + conformal[second])
-        turned, shares = _chord_energies(self.edges, configurations, points, self._sigma_shares, factor)
+        turned, shares = _chord_energies(self.edges, configurations, points, self.sigma_shares, factor)
         tool = self._orientation_scale * _tool_chords(self.edges, configurations, self.robot)
         fixed = factor * (self.metric.joint_weight**2 * turned + tool + self._sigma_fixed)
         return CarriedConfigurations(
@@ -227,7 +228,7 @@ def build_configuration_graph(
         body=body,
         configurations=configurations,
         _sigma_fixed=sigma_fixed,
-        _sigma_shares=sigma_shares,
+        sigma_shares=sigma_shares,
     )
 
 

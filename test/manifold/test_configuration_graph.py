@@ -77,7 +77,7 @@ def test_every_body_point_has_its_share_of_what_moves(reach_skill) -> None:
     carried = graph.transported(JointOffsets.none(ROBOT, graph.mean_path_count), conformal)
     steps = np.diff(carried.body_points[graph.edges], axis=1)[:, 0]
     factor = conformal[graph.edges].mean(axis=1)[:, None]
-    expected = factor * (np.sum(steps**2, axis=-1) + graph._sigma_shares) / len(graph.body)
+    expected = factor * (np.sum(steps**2, axis=-1) + graph.sigma_shares) / len(graph.body)
     np.testing.assert_allclose(carried.shares, expected, rtol=1e-9)
     np.testing.assert_allclose(carried.base**2, carried.fixed + carried.shares.sum(axis=1), rtol=1e-12)
 

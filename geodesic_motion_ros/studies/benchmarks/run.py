@@ -177,7 +177,7 @@ def _measure_scene(
         if isinstance(peer, Scipy):
             for tick, ours, best in zip(shown, exact_answers, answers, strict=True):
                 limited = best.cost if best.cost < problem.cost_limit else math.inf
-                error = max(error, _difference(ours.cost, best.cost), _difference(costs[tick], limited))
+                error = max(error, difference(ours.cost, best.cost), difference(costs[tick], limited))
     no_path = float(np.mean(np.isinf(costs)))
     hurried = HurriedTicks.of(problem, scene, settings.ticks)
     return SceneFigures(len(scene.radii), watch.wall, watch.cpu, looked, no_path, error, hurried, figures)
@@ -255,7 +255,7 @@ def _measure_scaling(large: SearchProblem, settings: BenchSettings, bar: tqdm) -
     return rows
 
 
-def _difference(ours: float, best: float) -> float:
+def difference(ours: float, best: float) -> float:
     """Relative; 0 where neither found a path, inf where one of them did."""
     if math.isinf(ours) or math.isinf(best):
         return 0.0 if ours == best else math.inf

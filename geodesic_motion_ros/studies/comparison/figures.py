@@ -132,7 +132,7 @@ def draw_clearances(report: Report, path: Path) -> None:
     rows = list(report.descriptions)
     random = np.random.default_rng(0)
     for at, row in enumerate(rows):
-        outcomes = [item.outcome for item in report.of(row, _came_near)]
+        outcomes = [item.outcome for item in report.of(row, came_near)]
         ended = [0 if item.success else 1 if item.touched_moving else 2 for item in outcomes]
         for end, (_, colour, marker) in enumerate(_ENDS):
             values = [1e3 * max(item.clearance, 0.0) for item, own in zip(outcomes, ended, strict=True) if own == end]
@@ -157,7 +157,7 @@ def draw_clearances(report: Report, path: Path) -> None:
     write_figure(figure, path)
 
 
-def _came_near(item: Played) -> bool:
+def came_near(item: Played) -> bool:
     """Whether there was a sphere to keep clear of: an arm that never sets out is far from all, which says nothing."""
     return item.family != "none" and (item.outcome.success or item.outcome.clearance < LOOKED_FOR)
 

@@ -128,12 +128,12 @@ def trained_once(
     kept = folder / f"{task}-{_digest(shown, settings)}"
     skill = _cached(kept)
     if skill is None:
-        skill = _trained(task, shown, settings, progress)
+        skill = train_anew(task, shown, settings, progress)
         skill.save(kept)
     return skill
 
 
-def _trained(
+def train_anew(
     task: str,
     shown: Demonstrations | JointDemonstrations,
     settings: TrainingSettings | JointTrainingSettings,

@@ -35,7 +35,7 @@ class Relay:
         self.last_passed = -float("inf")
         self.release()
         # As bytes: most messages pass as they are.
-        node.create_subscription(kind, source, self._hear, QoSProfile(depth=10), raw=True)
+        node.create_subscription(kind, source, self.hear, QoSProfile(depth=10), raw=True)
         node.create_timer(_LOOK_EVERY, self._look)
 
     def release(self) -> None:
@@ -54,7 +54,7 @@ class Relay:
     def listeners(self) -> int:
         return self._publisher.get_subscription_count()
 
-    def _hear(self, message: bytes) -> None:
+    def hear(self, message: bytes) -> None:
         if not self.passing:
             return
         passed = [message]

@@ -65,9 +65,9 @@ def test_the_cost_is_scipys_in_every_scene(of_skill: bool, content: dict) -> Non
 
 
 def test_a_wrong_cost_shows() -> None:
-    assert run._difference(1.1, 1.0) == pytest.approx(0.1)
-    assert run._difference(float("inf"), 1.0) == run._difference(1.0, float("inf")) == float("inf")
-    assert run._difference(float("inf"), float("inf")) == 0.0
+    assert run.difference(1.1, 1.0) == pytest.approx(0.1)
+    assert run.difference(float("inf"), 1.0) == run.difference(1.0, float("inf")) == float("inf")
+    assert run.difference(float("inf"), float("inf")) == 0.0
 
 
 def test_stages_and_scaling_have_rows_of_their_own(content: dict) -> None:

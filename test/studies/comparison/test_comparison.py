@@ -14,7 +14,7 @@ from geodesic_motion_ros.studies.comparison.arena import Arena
 from geodesic_motion_ros.studies.comparison.catalogue import ROWS, Row, chosen
 from geodesic_motion_ros.studies.comparison.execution import Outcome
 from geodesic_motion_ros.studies.comparison.families import FAMILIES
-from geodesic_motion_ros.studies.comparison.figures import _came_near
+from geodesic_motion_ros.studies.comparison.figures import came_near
 from geodesic_motion_ros.studies.comparison.held_out import digest
 from geodesic_motion_ros.studies.comparison.method import Answer
 from geodesic_motion_ros.studies.comparison.methods.geodesic import Geodesics
@@ -245,7 +245,7 @@ def test_clearance_is_that_of_successes_among_spheres() -> None:
     own = figures(played)
     assert (own["least_clearance_mm"], own["median_clearance_mm"]) == (20.0, 30.0)
     assert figures(played[:1])["least_clearance_mm"] is None
-    assert [_came_near(item) for item in played] == [False, True, True, False]
+    assert [came_near(item) for item in played] == [False, True, True, False]
 
 
 def test_similarity_is_reported_where_something_had_to_be_avoided_too() -> None:

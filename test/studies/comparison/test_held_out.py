@@ -51,7 +51,7 @@ def no_training(monkeypatch) -> None:
     def refuse(*_) -> Skill:
         raise AssertionError("trained")
 
-    monkeypatch.setattr("geodesic_motion_ros.studies.experiments.trained._trained", refuse)
+    monkeypatch.setattr("geodesic_motion_ros.studies.experiments.trained.train_anew", refuse)
 
 
 def skills_in(folder: Path, skill: Skill) -> Path:

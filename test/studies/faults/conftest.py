@@ -260,7 +260,7 @@ class MadeBench(bench.Bench):
         self._say("obstacles", MarkerArray(markers=[everything]))
 
     def _say(self, topic: str, message: Any) -> None:
-        self.relays[topic]._hear(serialize_message(message))
+        self.relays[topic].hear(serialize_message(message))
 
     def _pass(self) -> None:
         """One period of twin, relays and planner."""
