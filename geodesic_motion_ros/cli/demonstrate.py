@@ -56,8 +56,9 @@ def add_command(commands: argparse._SubParsersAction) -> None:
     )  # fmt: skip
     parser.add_argument("task", choices=(*OF_JOINTS, *OF_THE_TOOL), metavar="TASK", help="one of those below")
     parser.add_argument(
-        "--robot", default=DEFAULT_ROBOT, help="whose arm does it, of seven joints in tasks of the whole arm: the name of "
-        "a shipped one, or the path of a folder (%(default)s)",
+        "--robot", default=DEFAULT_ROBOT,
+        help="whose arm does it, of seven joints in tasks of the whole arm: the name of a shipped one, or the path of "
+        "a folder (%(default)s)",
     )  # fmt: skip
     parser.add_argument("--out", type=Path, required=True, metavar="FILE", help="where the demonstrations go")
     parser.add_argument("--count", type=int, default=5, help="demonstrations, or those of each family, bottle or side")

@@ -93,11 +93,19 @@ def solve_with_swivel(
     return robot.checked(q)
 
 
+def has_swivel(robot: Robot) -> bool:
+    """Whether a tool pose leaves the arm a circle of elbows: it has seven joints, all of them revolute."""
+    return len(robot.joint_names) == _revolute(robot) == JOINTS
+
+
+def _revolute(robot: Robot) -> int:
+    return int(np.sum((robot.chain[3] >= 0) & ~robot.chain[4]))
+
+
 def _refuse_other_arms(robot: Robot) -> None:
-    revolute = int(np.sum((robot.chain[3] >= 0) & ~robot.chain[4]))
-    if len(robot.joint_names) != JOINTS or revolute != JOINTS:
+    if not has_swivel(robot):
         raise RobotError(
-            f"the arm to '{robot.tool_link}' has {len(robot.joint_names)} joints, {revolute} of them revolute: "
+            f"the arm to '{robot.tool_link}' has {len(robot.joint_names)} joints, {_revolute(robot)} of them revolute: "
             f"a swivel angle is that of an arm with {JOINTS} revolute joints"
         )
 

@@ -245,7 +245,8 @@ def configurations(robot: Robot, guidance: Guidance) -> np.ndarray:
 def performed(
     guidances: Sequence[Guidance], progress: Callable[[Iterable], Iterable] = iter, robot: str | Path = DEFAULT_ROBOT
 ) -> JointDemonstrations:
-    """What the arm of a robot (a shipped one, or a folder) does of each guidance, checked as the head of this file says.
+    """What a robot's arm (a shipped one's, or that of a folder) does of each guidance, checked as the head of this file
+    says.
 
     `progress` is handed the guidances and gives them back one by one.
 

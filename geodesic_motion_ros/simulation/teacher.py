@@ -222,7 +222,7 @@ def pouring_stands(bottle: np.ndarray, cup: np.ndarray) -> tuple[Cylinder, ...]:
 def performed(
     motions: Sequence[Motion], progress: Callable[[Iterable], Iterable] = iter, robot: str | Path = DEFAULT_ROBOT
 ) -> Demonstrations:
-    """What the arm of a robot (a shipped one, or a folder) does of each motion.
+    """What a robot's arm (a shipped one's, or that of a folder) does of each motion.
 
     `progress` is handed the motions and gives them back one by one.
     """
