@@ -75,7 +75,9 @@ def across_the_hand(robot: Robot, nominal: JointReference) -> LineObstacle:
     meeting = MEETING_SHARE * nominal.duration
     position, quaternion = robot.forward(nominal.sample(meeting)[0])
     x_axis, y_axis, _ = to_rotation(quaternion).as_matrix().T
-    return crossing(position + BESIDE * x_axis, y_axis, meeting - EARLY, SPEED, RADIUS, BEFORE, AFTER)
+    at = meeting - EARLY
+    # in a short motion it sets out nearer, for it does so no sooner than the arm
+    return crossing(position + BESIDE * x_axis, y_axis, at, SPEED, RADIUS, min(BEFORE, SPEED * at), AFTER)
 
 
 def tool_positions(recording: Recording) -> tuple[np.ndarray, np.ndarray]:

@@ -103,7 +103,7 @@ class JointScene(DemoScene):
         handles = draw_in_space(space, among, every, obstacle, zoom=1.15)
         for name, (undisturbed, *_) in motions.items():
             space.text(*(100.0 * undisturbed.positions[0] + _NAME_ABOVE), name, fontsize=11, ha="right", zorder=5)
-        figure.suptitle(f"Motions of {' and '.join(motions)}, as measured", x=0.01, ha="left", fontsize=11)
+        figure.suptitle(f"Motions of the {' and the '.join(motions)}, as measured", x=0.01, ha="left", fontsize=11)
         legend_below(figure, handles)
         write_figure(figure, path)
 
