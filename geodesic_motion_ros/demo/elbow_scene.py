@@ -8,15 +8,17 @@ import numpy as np
 
 from geodesic_motion_ros.demo.demo_run import Recording
 from geodesic_motion_ros.demo.joint_scene import JointScene
+from geodesic_motion_ros.planning.arm_clearance import configuration_clearance
 from geodesic_motion_ros.robot.swivel import elbow_position, swivel_angle
 from geodesic_motion_ros.simulation.scripted_spheres import LineObstacle, crossing
 from geodesic_motion_ros.trajectory.trajectory import JointReference
 
 #: The sphere: radius [m], speed [m/s], and how far from its place it sets out [m].
 RADIUS, SPEED, BEFORE = 0.055, 0.10, 0.45
-#: It comes to rest this long [s] after the undisturbed elbow would have been there. Its surface is in the path seconds
-#: before: the elbow has set out by then, and has time to turn back.
-LATE = 1.7
+#: It comes to rest so long [s] after the undisturbed elbow would have been there: the first of them with which that arm
+#: goes this deep [m] into it. Its surface is in the path seconds before: the elbow has set out by then, and has time to
+#: turn back.
+LATE, DEPTH = (1.7, 1.4, 1.1, 0.8, 0.5), 0.05
 #: A family counts as taken where its mean path has more than this share; where families begin and end alike, none has.
 _TAKEN_SHARE = 0.9
 
@@ -33,7 +35,16 @@ class ElbowScene(JointScene):
         robot = self.planner.robot
         elbow, hand = elbow_position(robot, configuration), robot.forward(configuration)[0]
         inwards = _foot(elbow, robot.shoulder, hand) - elbow
-        return crossing(elbow, inwards, time + LATE, SPEED, RADIUS, BEFORE, after=0.0)
+        spheres = [crossing(elbow, inwards, time + late, SPEED, RADIUS, BEFORE, after=0.0) for late in LATE]
+        return next((sphere for sphere in spheres if self._clearance(sphere) < -DEPTH), spheres[-1])
+
+    def _clearance(self, sphere: LineObstacle) -> float:
+        """Smallest signed distance [m] from the undisturbed arm to a sphere."""
+        planner, nominal, radius = self.planner, self.nominal, np.array([sphere.radius])
+        return min(
+            configuration_clearance(planner.collision, planner.robot, position, sphere.position(time)[None], radius)[0]
+            for time, position in zip(nominal.times, nominal.positions, strict=True)
+        )
 
     def _furthest_out(self, reference: JointReference) -> float:
         angles = [abs(swivel_angle(self.planner.robot, position)) for position in reference.positions]
