@@ -18,7 +18,7 @@ RADIUS, SPEED, BEFORE = 0.055, 0.10, 0.45
 #: It comes to rest so long [s] after the undisturbed elbow would have been there: the first of them with which that arm
 #: goes this deep [m] into it. Its surface is in the path seconds before: the elbow has set out by then, and has time to
 #: turn back.
-LATE, DEPTH = (1.7, 1.4, 1.1, 0.8, 0.5), 0.05
+LATE, DEPTH = (1.7, 1.4, 1.1, 0.8, 0.5), 0.02
 #: A family counts as taken where its mean path has more than this share; where families begin and end alike, none has.
 _TAKEN_SHARE = 0.9
 
