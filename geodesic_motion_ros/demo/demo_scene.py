@@ -26,7 +26,7 @@ class DemoScene(ABC):
 
     Attributes
     ----------
-    planner : of the skill, with nothing in its way but what was declared.
+    planner : of the skill, among what was declared alone.
     nominal : the undisturbed motion, a reference.
     goal : (7,) tool pose: x, y, z [m], w, x, y, z.
     obstacle : counts its time from when the goal is sent.

@@ -33,7 +33,7 @@ from geodesic_motion_ros.demonstrations.joint_demonstrations import JointDemonst
 from geodesic_motion_ros.geometry.quaternions import continuous_signs, from_rotation, rotate_by, slerp
 from geodesic_motion_ros.robot.description import DEFAULT_ROBOT
 from geodesic_motion_ros.robot.kinematics import Robot
-from geodesic_motion_ros.robot.swivel import elbow_position, solve_with_swivel
+from geodesic_motion_ros.robot.swivel import check_swivel, elbow_position, solve_with_swivel
 from geodesic_motion_ros.simulation.gestures import (
     DOWN,
     RATE_HZ,
@@ -253,7 +253,9 @@ def performed(
     Raises
     ------
     DemonstrationError : a guidance fails a check; which and why is said.
+    RobotError : the arm has no swivel angle.
     """
+    check_swivel(Robot.named(robot))
     with TabletopWorld(rate_hz=RATE_HZ * STEPS_PER_SAMPLE, robot=robot) as world:
         items = tuple(perform(world, guidance) for guidance in progress(guidances))
         return JointDemonstrations(items, world.robot.joint_names, str(robot))
