@@ -31,7 +31,7 @@ help: ## this list
 	@sed -nE 's/^([a-z-]+):[^#]*## (.*)/  \1\t\2/p' $(MAKEFILE_LIST) | expand -t 13
 	@echo
 	@echo "  make demo ARGS=--gui        opens PyBullet's window"
-	@echo "  make demo ARGS='--skill panda_pouring'   the hand around the obstacle"
+	@echo "  make demo ARGS='--skill panda_pouring'   the hand around the obstacle; ur5_reach: on a UR5"
 	@echo "  make test ARGS='-k skill'   some of the tests"
 	@echo "  make test ARGS='-n 0'       one at a time, as --pdb needs it"
 	@echo "  make PYTHON=python3.10 ...  the Python of a new .venv (3.10, 3.11 or 3.12)"

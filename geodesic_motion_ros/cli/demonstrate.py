@@ -16,6 +16,7 @@ from geodesic_motion_ros.demonstrations.writers import (
     save_demonstrations,
     save_joint_demonstrations,
 )
+from geodesic_motion_ros.robot.description import DEFAULT_ROBOT
 from geodesic_motion_ros.utils.errors import ParameterError
 
 WITH_FAMILIES = ("reach-to-grasp", "reach-to-grasp-separated")
@@ -43,6 +44,7 @@ examples:
   geodesic-motion demonstrate reach-to-grasp --out reach.npz --picture reach.png
   geodesic-motion demonstrate reach-to-grasp-separated --families 2 --count 8 --seed 3 --out apart.csv
   geodesic-motion demonstrate pouring --count 12 --out pouring.npz
+  geodesic-motion demonstrate reach-to-grasp --robot iiwa14 --families 2 --count 8 --out reach.npz
 """
 
 
@@ -53,6 +55,11 @@ def add_command(commands: argparse._SubParsersAction) -> None:
         description=_DESCRIPTION, epilog=_EPILOG, formatter_class=HelpFormatter,
     )  # fmt: skip
     parser.add_argument("task", choices=(*OF_JOINTS, *OF_THE_TOOL), metavar="TASK", help="one of those below")
+    parser.add_argument(
+        "--robot", default=DEFAULT_ROBOT,
+        help="whose arm does it, of seven joints in tasks of the whole arm: the name of a shipped one, or the path of "
+        "a folder (%(default)s)",
+    )  # fmt: skip
     parser.add_argument("--out", type=Path, required=True, metavar="FILE", help="where the demonstrations go")
     parser.add_argument("--count", type=int, default=5, help="demonstrations, or those of each family, bottle or side")
     parser.add_argument("--families", type=int, help=f"of the reach to grasp; {DEFAULT_FAMILIES} without it")
@@ -75,7 +82,7 @@ def run(arguments: argparse.Namespace) -> None:
         interval = 0.1 if sys.stderr.isatty() else 10.0
         return tqdm(motions, desc=arguments.task, unit="demonstration", mininterval=interval)
 
-    demonstrations = teacher.performed(motions, progress)
+    demonstrations = teacher.performed(motions, progress, arguments.robot)
     if isinstance(demonstrations, JointDemonstrations):
         in_rows = arguments.out.suffix.lower() == ".csv"
         save_joint_demonstrations(demonstrations if in_rows else evenly_sampled(demonstrations), arguments.out)
@@ -89,7 +96,7 @@ def run(arguments: argparse.Namespace) -> None:
     if arguments.picture is not None:
         from matplotlib.image import imsave
 
-        imsave(arguments.picture, teacher.picture(motions, demonstrations))
+        imsave(arguments.picture, teacher.picture(motions, demonstrations, robot=arguments.robot))
         print(f"wrote their picture to {arguments.picture}")
 
 

@@ -2,7 +2,8 @@
 
 Once without an obstacle, once with a sphere that moves into its path and avoidance off (the control: it must hit), once
 with the same sphere and avoidance on. What is printed was measured by the twin on the arm's real geometry. The scene is
-the skill's: on joint-space skills the sphere is in the path of the elbow, on task-space skills in that of the hand.
+the skill's: on joint-space skills of arms of seven joints the sphere is in the path of the elbow, on others in that of
+the hand.
 """
 
 from __future__ import annotations
@@ -32,8 +33,11 @@ from geodesic_motion_ros.demo.demo_run import (
 from geodesic_motion_ros.demo.demo_scene import DEFAULTS, DemoScene
 from geodesic_motion_ros.demo.elbow_scene import ElbowScene
 from geodesic_motion_ros.demo.hand_scene import HandScene
+from geodesic_motion_ros.demo.joint_scene import JointScene
 from geodesic_motion_ros.geometry.quaternions import angle_between
 from geodesic_motion_ros.planning.declared_scene import DeclaredScene
+from geodesic_motion_ros.robot.kinematics import Robot
+from geodesic_motion_ros.robot.swivel import has_swivel
 from geodesic_motion_ros.simulation.scripted_spheres import LineObstacle
 from geodesic_motion_ros.skill.skill import Skill
 from geodesic_motion_ros.utils.errors import GeodesicMotionError
@@ -101,7 +105,9 @@ class Demo:
 
 def scene_of(skill: Skill, declared: DeclaredScene | None) -> DemoScene:
     """What the demo shows of a skill, where this is declared to stand around the arm."""
-    return (ElbowScene if skill.space == "joint" else HandScene)(skill, declared)
+    if skill.space != "joint":
+        return HandScene(skill, declared)
+    return (ElbowScene if has_swivel(Robot.named(skill.robot)) else JointScene)(skill, declared)
 
 
 def describe(obstacle: LineObstacle) -> dict[str, Any]:

@@ -19,16 +19,16 @@ A simulated arm does a skill as it was demonstrated: three times over real ROS 2
   avoidance_off  a sphere moves into the path, and the planner ignores it: the arm hits it
   avoidance_on   the same sphere; the planner looks for another path a hundred times a second
 
-With a skill of the whole arm the sphere goes where the elbow would swing to, far from the hand, and the arm takes its
-elbow to the other side; with a skill of the tool the sphere goes into the path of the hand.
+With a whole-arm skill of an arm of seven joints the sphere goes where the elbow would swing to, far from the hand, and
+the arm takes its elbow to the other side; with every other skill the sphere goes into the path of the hand.
 
 It takes about a minute and ends by itself; Ctrl-C ends it and its processes earlier."""
 
 _EPILOG = """\
 what it writes to the folder OUT:
   summary.json   the figures of the table, one object a run, the planner parameters that are not the defaults, and
-                 whether the demo has passed; with a skill of the whole arm also the families of demonstrations that the
-                 arm was in, one after the other
+                 whether the demo has passed; where the sphere is at the elbow also the families of demonstrations that
+                 the arm was in, one after the other
   latent.png     the skill's latent space with the motion of the arm, without and with the obstacle
   paths.png      the same motions in space, among the demonstrations
   strip.png, arm.gif    the arm, avoidance off above (left) and on below (right)

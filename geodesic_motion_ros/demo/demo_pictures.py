@@ -10,8 +10,9 @@ import numpy as np
 from PIL import Image, ImageDraw, ImageFont
 
 from geodesic_motion_ros.demo.demo_run import Recording
-from geodesic_motion_ros.planning.declared_scene import DeclaredScene
+from geodesic_motion_ros.planning.planner import ReactivePlanner
 from geodesic_motion_ros.robot.kinematics import Robot
+from geodesic_motion_ros.simulation.camera import View, view_named
 from geodesic_motion_ros.simulation.world import ArmWorld
 from geodesic_motion_ros.visualization.plots import Sphere
 
@@ -39,7 +40,7 @@ class Film:
 
     Attributes
     ----------
-    view : one of `camera.VIEWS`.
+    view : one of `camera.VIEWS`, which is turned to where the first of the curves is.
     curves : they are drawn into every picture.
     followed : returns times (n,) [s] and points (n, 3) [m] of the part of the arm that a recording is about.
     """
@@ -50,14 +51,17 @@ class Film:
 
 
 def draw_films(
-    out: Path, scene: DeclaredScene, recordings: Mapping[str, Recording], radius: float, film: Film
+    out: Path, planner: ReactivePlanner, recordings: Mapping[str, Recording], radius: float, film: Film
 ) -> None:
-    """Write strip.png and arm.gif of the runs with the obstacle, of this radius [m], in a scene, to a folder."""
-    with ArmWorld(scene=scene) as world:
+    """Write strip.png and arm.gif of the runs with the obstacle, of this radius [m], to a folder: the planner's arm in
+    its scene.
+    """
+    view = view_named(film.view).facing(film.curves[0].points.mean(axis=0))
+    with ArmWorld(scene=planner.scene, robot=planner.skill.robot) as world:
         for curve in film.curves:
             world.add_curve(curve.points, curve.colour, curve.radius)
-        _draw_strip(out / "strip.png", world, recordings, radius, film)
-        _draw_animation(out / "arm.gif", world, recordings, radius, film.view)
+        _draw_strip(out / "strip.png", world, recordings, radius, film, view)
+        _draw_animation(out / "arm.gif", world, recordings, radius, view)
 
 
 def met(recording: Recording, times: np.ndarray, points: np.ndarray, radius: float) -> Sphere:
@@ -72,7 +76,9 @@ def recorded_at(times: Sequence[float], values: Sequence[np.ndarray], time: floa
     return np.array([np.interp(time, times, column) for column in np.array(values).T])
 
 
-def _draw_strip(path: Path, world: ArmWorld, recordings: Mapping[str, Recording], radius: float, film: Film) -> None:
+def _draw_strip(
+    path: Path, world: ArmWorld, recordings: Mapping[str, Recording], radius: float, film: Film, view: View
+) -> None:
     """The arm, a row per run, at even shares of each run's own motion: time in which it stands shows nothing new."""
     width, height = _STRIP_SIZE
     picture = Image.new("RGB", (_STRIP_FRAMES * width, len(_ROWS) * height))
@@ -80,7 +86,7 @@ def _draw_strip(path: Path, world: ArmWorld, recordings: Mapping[str, Recording]
         recording = recordings[key]
         for column, time in enumerate(instants_of_motion(*film.followed(recording), _STRIP_FRAMES)):
             corner = (column * width, row * height)
-            picture.paste(Image.fromarray(_frame(world, recording, radius, time, _STRIP_SIZE, film.view, 2)), corner)
+            picture.paste(Image.fromarray(_frame(world, recording, radius, time, _STRIP_SIZE, view, 2)), corner)
             text = f"{time:.1f} s" if column else f"{title}, {time:.1f} s"
             _label(picture, (corner[0] + 8, corner[1] + 8), text)
     picture.quantize(128, dither=Image.Dither.NONE).save(path, optimize=True)
@@ -101,7 +107,7 @@ def instants_of_motion(times: np.ndarray, positions: np.ndarray, count: int) -> 
 
 
 def _draw_animation(
-    path: Path, world: ArmWorld, recordings: Mapping[str, Recording], radius: float, view: str
+    path: Path, world: ArmWorld, recordings: Mapping[str, Recording], radius: float, view: View
 ) -> None:
     """Both runs side by side in real time."""
     end = max(recordings[key].joint_times[-1] for key, _ in _ROWS)
@@ -128,7 +134,7 @@ def _frame(
     radius: float,
     time: float,
     size: tuple[int, int],
-    view: str,
+    view: View,
     oversampling: int,
 ) -> np.ndarray:
     """Picture of the recorded arm and obstacle at a time."""

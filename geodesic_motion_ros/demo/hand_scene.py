@@ -10,15 +10,13 @@ from scipy.spatial import cKDTree
 
 from geodesic_motion_ros.demo.demo_pictures import AROUND_RGB, FREE_RGB, Curve, Film, draw_films, met
 from geodesic_motion_ros.demo.demo_run import Recording
-from geodesic_motion_ros.demo.demo_scene import DEFAULTS, DemoScene
+from geodesic_motion_ros.demo.demo_scene import DemoScene
 from geodesic_motion_ros.geometry.quaternions import to_rotation
 from geodesic_motion_ros.manifold.pose_graph import PoseGraph
-from geodesic_motion_ros.nodes.skill_kinds import planner_settings
-from geodesic_motion_ros.planning.declared_scene import DeclaredScene
 from geodesic_motion_ros.planning.path_smoothing import smooth_latent
-from geodesic_motion_ros.planning.planner import ReactivePlanner
+from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.simulation.scripted_spheres import LineObstacle, crossing
-from geodesic_motion_ros.skill.skill import Skill
+from geodesic_motion_ros.trajectory.trajectory import JointReference
 from geodesic_motion_ros.visualization.plots import BLUE, VERMILION, DrawnPath, draw_latent, draw_paths
 
 #: The sphere: radius [m] and speed [m/s]; when the undisturbed motion would meet it (share of its duration); how far
@@ -36,25 +34,12 @@ _TURNING = 0.1
 class HandScene(DemoScene):
     """A sphere crosses the undisturbed motion, across the hand and a little beside the tool's path."""
 
-    def __init__(self, skill: Skill, declared: DeclaredScene | None = None) -> None:
-        """declared : what always stands around the arm; None: nothing was declared."""
-        self.planner = ReactivePlanner(skill, planner_settings(DEFAULTS), scene=declared)
-        assert isinstance(self.planner.graph, PoseGraph)
-        self.graph = self.planner.graph
-        super().__init__(self.planner)
-
     def _obstacle(self) -> LineObstacle:
-        meeting = MEETING_SHARE * self.nominal.duration
-        position, quaternion = self.planner.robot.forward(self.nominal.sample(meeting)[0])
-        x_axis, y_axis, _ = to_rotation(quaternion).as_matrix().T
-        return crossing(position + BESIDE * x_axis, y_axis, meeting - EARLY, SPEED, RADIUS, BEFORE, AFTER)
-
-    def families(self, recording: Recording) -> None:
-        return None
+        return across_the_hand(self.planner.robot, self.nominal)
 
     def draw(self, recordings: Mapping[str, Recording], out: Path) -> None:
         free, around = recordings["no_obstacle"], recordings["avoidance_on"]
-        obstacle = met(around, *_tool_positions(around), self.obstacle.radius)
+        obstacle = met(around, *tool_positions(around), self.obstacle.radius)
         motions = (
             DrawnPath(self._replay(free), np.array(free.positions), "without obstacle", BLUE),
             DrawnPath(self._replay(around), np.array(around.positions), "around the moving obstacle", VERMILION),
@@ -66,22 +51,35 @@ class HandScene(DemoScene):
             Curve(np.array(free.positions), FREE_RGB, 0.0025),
             Curve(np.array(around.positions), AROUND_RGB, 0.004),
         )
-        draw_films(out, self.planner.scene, recordings, self.obstacle.radius, Film("front", curves, _tool_positions))
+        draw_films(out, self.planner, recordings, self.obstacle.radius, Film("front", curves, tool_positions))
 
     def _replay(self, recording: Recording) -> np.ndarray:
         """Latent points (n, d) along a recorded motion: of the nodes whose poses are nearest, `_REPLAY_RATE` a second.
 
         Start and goal are the mean ones that the skill has learned: nodes need not be carried to them.
         """
-        decoded = self.graph.decoded
+        graph = self.planner.graph
+        assert isinstance(graph, PoseGraph)
+        decoded = graph.decoded
         times = np.arange(recording.pose_times[0], recording.pose_times[-1], 1.0 / _REPLAY_RATE)
         rows = np.searchsorted(recording.pose_times, times)
         positions, quaternions = np.array(recording.positions)[rows], np.array(recording.quaternions)[rows]
         quaternions *= np.where(quaternions @ decoded.quaternions[0] < 0.0, -1.0, 1.0)[:, None]
         known = np.concatenate([decoded.positions, _TURNING * decoded.quaternions], axis=1)
         measured = np.concatenate([positions, _TURNING * quaternions], axis=1)
-        return smooth_latent(self.graph.latent[cKDTree(known).query(measured)[1]], _LATENT_SMOOTHING)
+        return smooth_latent(graph.latent[cKDTree(known).query(measured)[1]], _LATENT_SMOOTHING)
 
 
-def _tool_positions(recording: Recording) -> tuple[np.ndarray, np.ndarray]:
+def across_the_hand(robot: Robot, nominal: JointReference) -> LineObstacle:
+    """A sphere that crosses a motion halfway, along the tool's y axis and a little beside its path."""
+    meeting = MEETING_SHARE * nominal.duration
+    position, quaternion = robot.forward(nominal.sample(meeting)[0])
+    x_axis, y_axis, _ = to_rotation(quaternion).as_matrix().T
+    at = meeting - EARLY
+    # in a short motion it sets out nearer, for it does so no sooner than the arm
+    return crossing(position + BESIDE * x_axis, y_axis, at, SPEED, RADIUS, min(BEFORE, SPEED * at), AFTER)
+
+
+def tool_positions(recording: Recording) -> tuple[np.ndarray, np.ndarray]:
+    """Times (n,) [s] and where the tool was (n, 3) [m]."""
     return np.array(recording.pose_times), np.array(recording.positions)

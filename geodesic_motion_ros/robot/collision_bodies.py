@@ -116,9 +116,12 @@ def read_mesh(path: Path) -> np.ndarray:
 
 
 def write_mesh(triangles: np.ndarray, path: Path) -> None:
-    """Triangles (T, 3, 3) as a binary STL file."""
+    """Triangles (T, 3, 3), seen from outside counter-clockwise, as a binary STL file."""
     rows = np.zeros(len(triangles), dtype=_STL_TRIANGLE)
     rows["vertices"] = triangles
+    # PyBullet draws a mesh without normals in black
+    normals = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
+    rows["normal"] = normals / np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), np.finfo(float).tiny)
     path.write_bytes(bytes(80) + len(rows).to_bytes(4, "little") + rows.tobytes())
 
 

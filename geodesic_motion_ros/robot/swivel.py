@@ -37,13 +37,13 @@ def swivel_angle(robot: Robot, joint_positions: np.ndarray) -> float:
     ------
     RobotError : the arm does not have seven revolute joints.
     """
-    _refuse_other_arms(robot)
+    check_swivel(robot)
     return float(_swivel(contiguous(joint_positions), robot.chain)[0])
 
 
 def elbow_position(robot: Robot, joint_positions: np.ndarray) -> np.ndarray:
     """Where the elbow is (3,) [m], base frame, at joint positions (7,) [rad]; errors as `swivel_angle`."""
-    _refuse_other_arms(robot)
+    check_swivel(robot)
     frame = int(np.flatnonzero(robot.chain[3] == 3)[0]) + 1
     return robot.link_frames(joint_positions)[1][frame]
 
@@ -67,7 +67,7 @@ def solve_with_swivel(
     RobotError : the arm does not have seven revolute joints; the pose is not finite; the descent ended before the
         target (the remaining error is said), on another branch, or outside the position limits.
     """
-    _refuse_other_arms(robot)
+    check_swivel(robot)
     position, quaternion = checked_pose(position, quaternion)
     q = robot.checked(start)
     branch = np.sign(np.linalg.det(_rows(robot, q)))
@@ -93,11 +93,20 @@ def solve_with_swivel(
     return robot.checked(q)
 
 
-def _refuse_other_arms(robot: Robot) -> None:
-    revolute = int(np.sum((robot.chain[3] >= 0) & ~robot.chain[4]))
-    if len(robot.joint_names) != JOINTS or revolute != JOINTS:
+def has_swivel(robot: Robot) -> bool:
+    """Whether a tool pose leaves the arm a circle of elbows: it has seven joints, all of them revolute."""
+    return len(robot.joint_names) == _revolute(robot) == JOINTS
+
+
+def _revolute(robot: Robot) -> int:
+    return int(np.sum((robot.chain[3] >= 0) & ~robot.chain[4]))
+
+
+def check_swivel(robot: Robot) -> None:
+    """RobotError where `has_swivel` says no."""
+    if not has_swivel(robot):
         raise RobotError(
-            f"the arm to '{robot.tool_link}' has {len(robot.joint_names)} joints, {revolute} of them revolute: "
+            f"the arm to '{robot.tool_link}' has {len(robot.joint_names)} joints, {_revolute(robot)} of them revolute: "
             f"a swivel angle is that of an arm with {JOINTS} revolute joints"
         )
 

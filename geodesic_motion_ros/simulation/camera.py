@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -19,6 +19,14 @@ class View:
     yaw: float
     pitch: float
     field_of_view: float = 35.0
+
+    def facing(self, point: np.ndarray) -> View:
+        """The view turned about the base by whole quarters, from the side of +x to that of a point (3,) [m]."""
+        quarters = int(np.round(np.arctan2(point[1], point[0]) / (0.5 * np.pi)))
+        x, y, z = self.target
+        for _ in range(quarters % 4):
+            x, y = -y, x
+        return replace(self, target=(x, y, z), yaw=self.yaw + 90.0 * quarters)
 
 
 SKY = ((236.0, 240.0, 245.0), (206.0, 214.0, 222.0))  # colours at the upper and the lower edge

@@ -5,6 +5,8 @@ from __future__ import annotations
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from geodesic_motion_ros.geometry.quaternions import continuous_signs, from_rotation, to_rotation
+from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.utils.errors import ParameterError
 
 RATE_HZ = 100.0
@@ -56,3 +58,13 @@ def about(axis: str, angle: float | np.ndarray) -> Rotation:
 
 DOWN = about("x", np.pi)
 """Of a hand that points straight down."""
+
+
+def as_mounted(robot: Robot, quaternions: np.ndarray) -> np.ndarray:
+    """Tool orientations (T, 4) of a robot that hold what orientations (T, 4) of a Panda's tool do.
+
+    Tools differ by a turn about the axis along which they point: it is the one between `DOWN` and the robot's tool in
+    its ready posture, in which all shipped robots point down.
+    """
+    turn = DOWN.inv() * to_rotation(robot.forward(robot.ready)[1])
+    return continuous_signs(from_rotation(to_rotation(quaternions) * turn))

@@ -24,6 +24,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
+from pathlib import Path
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -32,12 +33,13 @@ from geodesic_motion_ros.demonstrations.joint_demonstrations import JointDemonst
 from geodesic_motion_ros.geometry.quaternions import continuous_signs, from_rotation, rotate_by, slerp
 from geodesic_motion_ros.robot.description import DEFAULT_ROBOT
 from geodesic_motion_ros.robot.kinematics import Robot
-from geodesic_motion_ros.robot.swivel import elbow_position, solve_with_swivel
+from geodesic_motion_ros.robot.swivel import check_swivel, elbow_position, solve_with_swivel
 from geodesic_motion_ros.simulation.gestures import (
     DOWN,
     RATE_HZ,
     STEPS_PER_SAMPLE,
     about,
+    as_mounted,
     check_count,
     hand,
     outwards,
@@ -68,7 +70,8 @@ OWN_CLEARANCE = 0.01
 SAMPLES_PER_CLEARANCE = 5
 
 REACHING = (0.0, 0.3, 0.0, -1.9, 0.0, 2.2, 0.8)
-"""Joint positions (7,) [rad] of an arm that reaches out, elbow up: all demonstrations are on its branch."""
+"""Joint positions (7,) [rad] of an arm that reaches out, elbow up, drawn to within its limits: all demonstrations are
+on its branch. The joints of the Panda, the FR3 and the LBR iiwa bend to the same sides."""
 LARGEST_SWIVEL = np.radians(75.0)
 """Swivel angles of families are spread evenly from minus this to this [rad]."""
 SWIVEL_SPREAD = np.radians(2.5)
@@ -222,15 +225,16 @@ def configurations(robot: Robot, guidance: Guidance) -> np.ndarray:
     DemonstrationError : a pose cannot be reached with its swivel angle on that branch inside the limits.
     """
     motion = guidance.motion
-    position, quaternion = motion.positions[0], motion.quaternions[0]
-    q = np.array(REACHING)
+    quaternions = as_mounted(robot, motion.quaternions)
+    position, quaternion = motion.positions[0], quaternions[0]
+    q = np.clip(REACHING, robot.lower, robot.upper)
     q[0] += np.arctan2(position[1], position[0])
     try:
         # from the elbow above the arm to where it is to be
         for swivel in np.linspace(0.0, guidance.swivels[0], 20):
             q = solve_with_swivel(robot, position, quaternion, swivel, q)
         path = []
-        for pose in zip(motion.positions, motion.quaternions, guidance.swivels, strict=True):
+        for pose in zip(motion.positions, quaternions, guidance.swivels, strict=True):
             q = solve_with_swivel(robot, *pose, q)
             path.append(q)
     except RobotError as error:
@@ -238,18 +242,23 @@ def configurations(robot: Robot, guidance: Guidance) -> np.ndarray:
     return np.array(path)
 
 
-def performed(guidances: Sequence[Guidance], progress: Callable[[Iterable], Iterable] = iter) -> JointDemonstrations:
-    """What the arm does of each guidance, checked as the head of this file says.
+def performed(
+    guidances: Sequence[Guidance], progress: Callable[[Iterable], Iterable] = iter, robot: str | Path = DEFAULT_ROBOT
+) -> JointDemonstrations:
+    """What a robot's arm (a shipped one's, or that of a folder) does of each guidance, checked as the head of this file
+    says.
 
     `progress` is handed the guidances and gives them back one by one.
 
     Raises
     ------
     DemonstrationError : a guidance fails a check; which and why is said.
+    RobotError : the arm has no swivel angle.
     """
-    with TabletopWorld(rate_hz=RATE_HZ * STEPS_PER_SAMPLE) as world:
+    check_swivel(Robot.named(robot))
+    with TabletopWorld(rate_hz=RATE_HZ * STEPS_PER_SAMPLE, robot=robot) as world:
         items = tuple(perform(world, guidance) for guidance in progress(guidances))
-        return JointDemonstrations(items, world.robot.joint_names, DEFAULT_ROBOT)
+        return JointDemonstrations(items, world.robot.joint_names, str(robot))
 
 
 def perform(world: TabletopWorld, guidance: Guidance) -> JointDemonstration:
@@ -290,12 +299,13 @@ def picture(
     width: int = 960,
     height: int = 720,
     view: str = "front",
+    robot: str | Path = DEFAULT_ROBOT,
 ) -> np.ndarray:
     """Picture (height, width, 3), uint8, of all paths: thick of the tool, thin of the elbow, a colour a group.
 
     The arm is where the last demonstration ends, among the bodies of its guidance.
     """
-    with TabletopWorld() as world:
+    with TabletopWorld(robot=robot) as world:
         last, final = guidances[-1].motion, demonstrations[-1].configurations[-1]
         world.reset(final)
         pose = world.tool_pose()

@@ -21,18 +21,21 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
 from geodesic_motion_ros.demonstrations.demonstrations import Demonstration, Demonstrations
 from geodesic_motion_ros.geometry.quaternions import continuous_signs, from_rotation, rotate_by
+from geodesic_motion_ros.robot.description import DEFAULT_ROBOT
 from geodesic_motion_ros.robot.inverse_kinematics import solve
 from geodesic_motion_ros.simulation.gestures import (
     DOWN,
     RATE_HZ,
     STEPS_PER_SAMPLE,
     about,
+    as_mounted,
     check_count,
     hand,
     outwards,
@@ -110,7 +113,7 @@ class Motion:
 
 @dataclass(frozen=True, eq=False)
 class Performance:
-    """A demonstration as the arm played it, its joint positions (T, 7) [rad], and how near it came to a body [m]."""
+    """A demonstration as the arm played it, its joint positions (T, eta) [rad], and how near it came to a body [m]."""
 
     demonstration: Demonstration
     joint_positions: np.ndarray
@@ -216,9 +219,14 @@ def pouring_stands(bottle: np.ndarray, cup: np.ndarray) -> tuple[Cylinder, ...]:
     )
 
 
-def performed(motions: Sequence[Motion], progress: Callable[[Iterable], Iterable] = iter) -> Demonstrations:
-    """What the arm does of each motion; `progress` is handed the motions and gives them back one by one."""
-    with TabletopWorld(rate_hz=RATE_HZ * STEPS_PER_SAMPLE) as world:
+def performed(
+    motions: Sequence[Motion], progress: Callable[[Iterable], Iterable] = iter, robot: str | Path = DEFAULT_ROBOT
+) -> Demonstrations:
+    """What a robot's arm (a shipped one's, or that of a folder) does of each motion.
+
+    `progress` is handed the motions and gives them back one by one.
+    """
+    with TabletopWorld(rate_hz=RATE_HZ * STEPS_PER_SAMPLE, robot=robot) as world:
         return Demonstrations(tuple(perform(world, motion).demonstration for motion in progress(motions)))
 
 
@@ -232,7 +240,7 @@ def perform(world: TabletopWorld, motion: Motion) -> Performance:
     world.furnish(motion.solid)
     world.reset(_first_posture(world, motion))
     poses, joints, clearance = [], [], np.inf
-    for position, quaternion in zip(motion.positions, motion.quaternions, strict=True):
+    for position, quaternion in zip(motion.positions, as_mounted(world.robot, motion.quaternions), strict=True):
         poses.append(world.tool_pose())
         joints.append(world.joint_positions)
         clearance = min(clearance, world.furniture_clearance())
@@ -245,10 +253,15 @@ def perform(world: TabletopWorld, motion: Motion) -> Performance:
 
 
 def picture(
-    motions: Sequence[Motion], demonstrations: Demonstrations, width: int = 960, height: int = 720, view: str = "front"
+    motions: Sequence[Motion],
+    demonstrations: Demonstrations,
+    width: int = 960,
+    height: int = 720,
+    view: str = "front",
+    robot: str | Path = DEFAULT_ROBOT,
 ) -> np.ndarray:
     """Picture (height, width, 3), uint8, of all bodies and tool paths; the arm is where the last motion ends."""
-    with TabletopWorld(rate_hz=RATE_HZ * STEPS_PER_SAMPLE) as world:
+    with TabletopWorld(rate_hz=RATE_HZ * STEPS_PER_SAMPLE, robot=robot) as world:
         last, final = motions[-1], demonstrations[-1]
         world.reset(perform(world, last).joint_positions[-1])
         solid = {body for motion in motions for body in motion.solid}
@@ -265,10 +278,10 @@ def picture(
 
 
 def _first_posture(world: TabletopWorld, motion: Motion) -> np.ndarray:
-    """Joint positions (7,) at the first pose: arm turned towards it, elbow up, wrist straight."""
+    """Joint positions (eta,) at the first pose: arm turned towards it, elbow up, wrist straight."""
     towards = world.robot.ready.copy()
     towards[0] = np.arctan2(motion.positions[0, 1], motion.positions[0, 0])
-    return solve(world.robot, motion.positions[0], motion.quaternions[0], start=towards)
+    return solve(world.robot, motion.positions[0], as_mounted(world.robot, motion.quaternions)[0], start=towards)
 
 
 def _between(limits: np.ndarray, fraction: float) -> float:

@@ -15,7 +15,7 @@ from geodesic_motion_ros.planning.declared_scene import MASSIVE, DeclaredScene
 from geodesic_motion_ros.robot.description import DEFAULT_ROBOT, RobotDescription
 from geodesic_motion_ros.robot.inverse_kinematics import checked_pose, solve
 from geodesic_motion_ros.robot.kinematics import Robot
-from geodesic_motion_ros.simulation.camera import take_picture, view_named
+from geodesic_motion_ros.simulation.camera import View, take_picture, view_named
 from geodesic_motion_ros.simulation.free_drive import FreeDrive
 from geodesic_motion_ros.simulation.joint_motion import JointMotion
 from geodesic_motion_ros.simulation.physics_client import PhysicsClient, PhysicsError
@@ -322,12 +322,15 @@ class ArmWorld:
             self._client.removeBody(body)
         self._decorations = []
 
-    def render(self, width: int = 640, height: int = 480, view: str = "front", oversampling: int = 1) -> np.ndarray:
-        """Picture (height, width, 3), uint8, from one of `camera.VIEWS`; oversampling > 1 smooths edges.
+    def render(
+        self, width: int = 640, height: int = 480, view: str | View = "front", oversampling: int = 1
+    ) -> np.ndarray:
+        """Picture (height, width, 3), uint8; oversampling > 1 smooths edges. A name is one of `camera.VIEWS`.
 
         Takes about 0.1 s at 320 x 240 and holds Python's global lock: not for a control thread.
         """
-        return take_picture(self._client, view_named(view), width, height, oversampling)
+        seen = view_named(view) if isinstance(view, str) else view
+        return take_picture(self._client, seen, width, height, oversampling)
 
     def close(self) -> None:
         """End the physics server; a second call does nothing."""

@@ -7,7 +7,9 @@ import pytest
 
 from geodesic_motion_ros.cli import main
 from geodesic_motion_ros.demonstrations.readers import read_demonstrations, read_joint_demonstrations
-from geodesic_motion_ros.simulation.joint_teacher import circle, reach_to_grasp
+from geodesic_motion_ros.robot.kinematics import Robot
+from geodesic_motion_ros.simulation.joint_teacher import circle, reach_guidances, reach_to_grasp
+from geodesic_motion_ros.simulation.teacher import two_mode_motions
 
 
 def test_demonstrations_of_joints_are_written_and_pictured(tmp_path, capsys) -> None:
@@ -37,10 +39,32 @@ def test_demonstrations_of_the_tool_are_written_in_metres(tmp_path) -> None:
     assert len(read_demonstrations(file, "m")) == 2
 
 
+@pytest.mark.parametrize("robot", ["fr3", "iiwa14"])
+def test_other_arms_demonstrate_too_each_with_its_own_joints(tmp_path, robot: str) -> None:
+    file, picture = tmp_path / "reach.npz", tmp_path / "reach.png"
+    asked = ["reach-to-grasp", "--robot", robot, "--families", "2", "--count", "1", "--out", str(file)]
+    assert main(["demonstrate", *asked, "--picture", str(picture)]) == 0
+    arm = Robot.named(robot)
+    for guidance, tool in zip(
+        reach_guidances(1, 0, 2, True), read_joint_demonstrations(file, robot).tool_demonstrations(arm), strict=True
+    ):
+        wanted = guidance.motion.positions
+        assert np.max(np.linalg.norm(tool.positions[[0, -1]] - wanted[[0, -1]], axis=1)) < 5e-3
+    assert picture.read_bytes().startswith(b"\x89PNG")
+
+
+def test_an_arm_of_six_joints_demonstrates_with_its_tool(tmp_path) -> None:
+    file = tmp_path / "two_sides.npz"
+    assert main(["demonstrate", "passing", "--robot", "ur5", "--count", "1", "--out", str(file)]) == 0
+    for motion, tool in zip(two_mode_motions(1, 0), read_demonstrations(file, "m"), strict=True):
+        np.testing.assert_allclose(tool.positions[[0, -1]], motion.positions[[0, -1]], atol=5e-3)
+
+
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [
         (["circle", "--families", "2", "--out", "{tmp}/a.npz"], "circle has no families: --families is for reach-to"),
+        (["circle", "--robot", "ur5", "--out", "{tmp}/a.npz"], "a swivel angle is that of an arm with 7 revolute"),
         (["circle", "--out", "{tmp}/a.npy"], "written to .npz or .csv files, not '.npy'"),
         (["pouring", "--out", "{tmp}/a.csv"], "written to .npz files, not '.csv'"),
         (["circle", "--out", "{tmp}/a.npz", "--picture", "{tmp}/a.jpg"], "a picture is written to a .png file"),

@@ -19,6 +19,7 @@ from geodesic_motion_ros.nodes.messages import read_pose
 from geodesic_motion_ros.nodes.planner_node import PlannerNode
 from geodesic_motion_ros.nodes.stream_cycle import PREPARING
 from geodesic_motion_ros.nodes.twin_node import TwinNode
+from geodesic_motion_ros.skill.skill import Skill
 from geodesic_motion_ros.utils.errors import ParameterError
 
 #: Processes that are requested to end do so in 2 s; a busy machine may take longer [s].
@@ -70,9 +71,13 @@ def test_the_arm_reaches_the_goal_in_one_process(bench, options, skill, start_jo
     arrive(bench, skill.goal_pose)
 
 
-def test_the_tour_planner_and_twin_as_they_start_and_the_goal_of_the_skill(bench, options, skill, skill_folder):
+@pytest.mark.parametrize("shipped", [None, "ur5_reach"], ids=["seven joints", "six joints"])
+def test_the_tour_planner_and_twin_as_they_start_and_the_goal_of_the_skill(bench, options, skill, shipped):
     watch(bench)
-    bench.add(TwinNode, skill=str(skill_folder))
+    if shipped is not None:
+        skill = Skill.load(shipped)
+        options["skill"] = shipped
+    bench.add(TwinNode, skill=options["skill"])
     bench.add(PlannerNode, **options)
     bench.wait_for_code("NO_GOAL")
     assert send_goal(skill.goal_pose, skill.base_frame) == "OK"

@@ -12,9 +12,11 @@ import yaml
 from geodesic_motion_ros.nodes.parameter_tables import TABLES
 from geodesic_motion_ros.nodes.parameters import Parameter, markdown_table, yaml_document
 from geodesic_motion_ros.planning.settings import PlannerSettings
+from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.utils.errors import ParameterError
 
 CONFIG = Path(__file__).resolve().parents[2] / "config"
+ROBOTS = CONFIG.parent / "geodesic_motion_ros/robot/robots"
 ALL = [(node, parameter) for node, table in TABLES.items() for parameter in table]
 
 
@@ -79,6 +81,16 @@ def test_the_twin_and_the_real_controller_wait_as_long_for_a_new_trajectory():
     assert given["cmd_timeout"] == ours
     # The controller's condition for heeding any; the twin has none, for its goal_time is always 0.
     assert given["constraints"]["goal_time"] == 0.0
+
+
+@pytest.mark.parametrize("robot", [file.parent.name for file in sorted(ROBOTS.glob("*/robot.yaml"))])
+def test_every_shipped_robot_has_a_file_of_its_joints_for_the_controller(robot):
+    given = yaml.safe_load((CONFIG / f"controllers/{robot}.yaml").read_text())
+    joints = given["joint_trajectory_controller"]["ros__parameters"]
+    assert tuple(joints["joints"]) == Robot.named(robot).joint_names
+    assert list(joints["constraints"]) == joints["joints"]
+    (tolerance,) = (known.default for known in TABLES["planner"] if known.name == "tracking_tolerance_joint")
+    assert all(limit["trajectory"] > tolerance for limit in joints["constraints"].values())
 
 
 REACH = Parameter("reach", 1.0, "how far", "m", 0.5, 2.0)

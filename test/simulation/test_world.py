@@ -504,6 +504,25 @@ def test_pictures_show_obstacles_and_curves(world: ArmWorld, view: str) -> None:
     np.testing.assert_array_equal(world.render(80, 60, view), plain)
 
 
+@pytest.mark.parametrize("robot", ["panda", "fr3", "ur5", "iiwa14"])
+def test_pictures_show_arms_in_the_light(robot: str) -> None:
+    """With the control: where the arm is, the picture is another one without it, and not black."""
+    with ArmWorld(robot=robot) as world:
+        shown = world.render(80, 60).astype(int)
+        world.reset(world.robot.ready + 0.3)
+        arm = np.any(shown != world.render(80, 60), axis=2)
+    assert arm.sum() > 20
+    assert np.mean(shown[arm].max(axis=1) < 40) < 0.1
+
+
+def test_a_view_faces_the_side_on_which_something_is() -> None:
+    view = VIEWS["front"]
+    assert view.facing(np.array([0.5, -0.2, 0.3])) == view
+    behind = view.facing(np.array([-0.5, 0.1, 0.3]))
+    np.testing.assert_allclose(behind.target, np.multiply(view.target, (-1.0, -1.0, 1.0)))
+    assert abs(behind.yaw - view.yaw) == 180.0
+
+
 def test_oversampling_keeps_the_size(world: ArmWorld) -> None:
     assert world.render(64, 48, oversampling=2).shape == (48, 64, 3)
 
