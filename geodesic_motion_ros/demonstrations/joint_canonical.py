@@ -1,11 +1,12 @@
 """Canonical, that is endpoint-normalised, form of joint-space demonstrations: where a task begins and ends taken out.
 
 With s in [0, 1] the fraction of a demonstration's arc, canonical curves y(s) are those that `manifold.joint_transport`
-carries onto the demonstrations: theta(s) = y(s) + D(y(s), s). The arc counts what the metric counts: the mean squared
-motion of the body points, and with a small weight that of the joints.
+carries onto the demonstrations: theta(s) = y(s) + D(y(s), s), with the fade of `demonstrations.fade`. The arc counts
+what the metric counts: the mean squared motion of the body points, and with a small weight that of the joints.
 
-Offsets are counted from the mean of those demonstrations alone that start (end) in the same family of configurations:
-two configurations that hold the tool in one pose with the elbow on two sides are never averaged.
+Offsets are counted from the mean of all starts (ends), and where that is no configuration to count from, because some
+lie further from it than an offset may reach, from the mean of those alone that start (end) in the same family of
+configurations: two that hold the tool in one pose with the elbow on two sides are never averaged.
 """
 
 from __future__ import annotations
@@ -14,6 +15,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from geodesic_motion_ros.demonstrations.fade import FADE_SAMPLES, likeliest_fade, scatter_within
 from geodesic_motion_ros.demonstrations.joint_demonstrations import JointDemonstrations
 from geodesic_motion_ros.demonstrations.modes import cluster_modes
 from geodesic_motion_ros.manifold.configuration_graph import JointMetricSettings
@@ -37,6 +39,7 @@ class CanonicalJointDemonstrations:
     configurations : (N, T, eta) [rad].
     start_offsets, goal_offsets : (N, eta) [rad], from the pole of the demonstration's group.
     start_groups, goal_groups : (N,) numbers of the groups; start_poles, goal_poles : (G, eta) their means [rad].
+    fade : exponent with which start offsets were taken out.
     """
 
     configurations: np.ndarray
@@ -46,6 +49,7 @@ class CanonicalJointDemonstrations:
     goal_groups: np.ndarray
     start_poles: np.ndarray
     goal_poles: np.ndarray
+    fade: float
 
 
 def body_arc(configurations: np.ndarray, robot: Robot, metric: JointMetricSettings) -> np.ndarray:
@@ -70,9 +74,15 @@ def along_body_arc(
 
 
 def canonical_joint_form(
-    demonstrations: JointDemonstrations, robot: Robot, metric: JointMetricSettings, samples: int
+    demonstrations: JointDemonstrations,
+    robot: Robot,
+    metric: JointMetricSettings,
+    samples: int,
+    fade: float | None = None,
 ) -> CanonicalJointDemonstrations:
     """Resample demonstrations along their arcs and take their start and goal offsets out.
+
+    fade : exponent with which start offsets fade; None: the likeliest.
 
     Raises
     ------
@@ -91,15 +101,23 @@ def canonical_joint_form(
                 f"task; distances [rad] from the mean are {listed}"
             )
     ends = np.stack([start_poles[start_groups], goal_poles[goal_groups]], axis=1)
-    canonical = np.stack([without_offsets(curve, pole, robot) for curve, pole in zip(curves, ends, strict=True)])
+    if fade is None:
+        few = np.stack([along_body_arc(item.configurations, robot, metric, FADE_SAMPLES) for item in demonstrations])
+        modes = cluster_modes(_without_all(few, ends, robot, 1.0))
+        fade = likeliest_fade(lambda tried: scatter_within(_without_all(few, ends, robot, tried), modes), len(few))
+    canonical = _without_all(curves, ends, robot, fade)
     return CanonicalJointDemonstrations(
-        canonical, start_offsets, goal_offsets, start_groups, goal_groups, start_poles, goal_poles
+        canonical, start_offsets, goal_offsets, start_groups, goal_groups, start_poles, goal_poles, fade
     )
 
 
-def without_offsets(curve: np.ndarray, poles: np.ndarray, robot: Robot) -> np.ndarray:
+def _without_all(curves: np.ndarray, ends: np.ndarray, robot: Robot, fade: float) -> np.ndarray:
+    return np.stack([without_offsets(curve, poles, robot, fade) for curve, poles in zip(curves, ends, strict=True)])
+
+
+def without_offsets(curve: np.ndarray, poles: np.ndarray, robot: Robot, fade: float = 1.0) -> np.ndarray:
     """y (T, eta) with y + D(y, s) = curve (T, eta), which is equally spaced in s, for poles (2, eta) [rad]."""
-    offsets = JointOffsets.between(robot, poles, curve[[0, -1]])
+    offsets = JointOffsets.between(robot, poles, curve[[0, -1]], fade=fade)
     s = np.linspace(0.0, 1.0, len(curve))
     canonical = curve
     for _ in range(_ITERATIONS):
@@ -109,6 +127,8 @@ def without_offsets(curve: np.ndarray, poles: np.ndarray, robot: Robot) -> np.nd
 
 def _grouped(ends: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Groups (N,) of configurations (N, eta), the groups' means (G, eta), and the offsets (N, eta) from them."""
-    groups = cluster_modes(ends[:, None])
+    groups = np.zeros(len(ends), dtype=int)
+    if np.any(np.linalg.norm(ends - ends.mean(axis=0), axis=1) > LARGEST_OFFSET):
+        groups = cluster_modes(ends[:, None])
     poles = np.stack([ends[groups == group].mean(axis=0) for group in range(groups.max() + 1)])
     return groups, poles, ends - poles[groups]

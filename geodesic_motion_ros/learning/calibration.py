@@ -107,7 +107,7 @@ def canonical_sheet(form: CanonicalDemonstrations) -> CanonicalSheet:
     """What a skill keeps of canonical demonstrations, with their modes and the regression they speak for."""
     modes = cluster_modes(form.positions)
     sheet = CanonicalSheet(
-        form.start_offsets, form.goal_offsets, modes, math.inf, form.positions, form.quaternions
+        form.start_offsets, form.goal_offsets, modes, math.inf, form.positions, form.quaternions, fade=form.fade
     )
     # Between modes there is nothing to regress: a mean never averages two modes.
     return sheet if np.any(modes) else replace(sheet, penalty=surest_penalty(sheet.features(), form.positions))

@@ -89,7 +89,7 @@ def joint_sheet(form: CanonicalJointDemonstrations) -> JointSheet:
     modes = cluster_modes(form.configurations)
     sheet = JointSheet(
         form.start_offsets, form.goal_offsets, modes, math.inf,
-        form.configurations, form.start_groups, form.goal_groups, form.start_poles, form.goal_poles,
+        form.configurations, form.start_groups, form.goal_groups, form.start_poles, form.goal_poles, fade=form.fade,
     )  # fmt: skip
     # Between modes there is nothing to regress: a mean never averages two modes.
     if np.any(modes):

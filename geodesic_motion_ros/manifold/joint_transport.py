@@ -1,8 +1,9 @@
 """Transport in joint space: carrying decoded configurations to a query, so that a path begins and ends where it must.
 
-At progress tau in [0, 1] between start and goal the tool is to move by x = (1 - tau) x0 + tau x1, a translation [m] and
-a rotation vector [rad], and the joints, as far as the tool leaves them free, by e = (1 - tau) d0 + tau d1, where d0, d1
-are the joint offsets of start and goal and x0, x1 what they mean to the tool. A configuration theta is carried by
+Where tau in [0, 1] is the goal's share of the offsets (`manifold.transport`), the tool is to move by
+x = (1 - tau) x0 + tau x1, a translation [m] and a rotation vector [rad], and the joints, as far as the tool leaves them
+free, by e = (1 - tau) d0 + tau d1, where d0, d1 are the joint offsets of start and goal and x0, x1 what they mean to
+the tool. A configuration theta is carried by
 
     D(theta, tau) = J^+ x + (1 - J^+ J) e,       J the tool's Jacobian at theta, J^+ its damped inverse,
 
@@ -18,7 +19,7 @@ from dataclasses import dataclass
 import numba
 import numpy as np
 
-from geodesic_motion_ros.manifold.transport import blended, corrections_at
+from geodesic_motion_ros.manifold.transport import blended, corrections_at, faded
 from geodesic_motion_ros.robot.inverse_kinematics import damped_step, pose_error
 from geodesic_motion_ros.robot.kinematics import Robot, jacobian
 
@@ -32,6 +33,7 @@ class JointOffsets:
     tool : (2, 6) x0 and x1; joints : (2, eta) d0 and d1 [rad]; rest : (2, eta) what the linearisation leaves [rad].
     start_progress, goal_progress : progress of the latent points that are carried onto start and goal.
     corrections : (K, S, eta) corrections of the decoder along K mean paths [rad], added before; K may be 0.
+    fade : exponent with which the start's offset fades.
     """
 
     robot: Robot
@@ -41,6 +43,7 @@ class JointOffsets:
     start_progress: float
     goal_progress: float
     corrections: np.ndarray
+    fade: float = 1.0
 
     @classmethod
     def between(
@@ -50,6 +53,7 @@ class JointOffsets:
         requested: np.ndarray,
         progress: tuple[float, float] = (0.0, 1.0),
         corrections: np.ndarray | None = None,
+        fade: float = 1.0,
     ) -> JointOffsets:
         """From demonstrated ends (2, eta) to requested ones (2, eta) [rad]: start and goal, at so much progress.
 
@@ -59,7 +63,7 @@ class JointOffsets:
         tool = np.stack([pose_error(*robot.forward(before), *robot.forward(after)) for before, after in ends])
         rest = joints - _tool_steps(np.ascontiguousarray(demonstrated), tool, joints, robot.chain)
         none = np.zeros((0, 2, joints.shape[1]))
-        return cls(robot, tool, joints, rest, *progress, none if corrections is None else corrections)
+        return cls(robot, tool, joints, rest, *progress, none if corrections is None else corrections, fade)
 
     @classmethod
     def none(cls, robot: Robot, mean_paths: int = 0) -> JointOffsets:
@@ -75,9 +79,13 @@ class JointOffsets:
 
     def displacements(self, configurations: np.ndarray, progress: np.ndarray) -> np.ndarray:
         """D (n, eta) [rad] of configurations (n, eta) that are corrected already."""
-        tau = blended(progress, self.start_progress, self.goal_progress)[:, None]
+        tau = self.blended(progress)[:, None]
         tool, joints, rest = ((1.0 - tau) * ends[0] + tau * ends[1] for ends in (self.tool, self.joints, self.rest))
         return _tool_steps(np.ascontiguousarray(configurations), tool, joints, self.robot.chain) + rest
+
+    def blended(self, progress: np.ndarray) -> np.ndarray:
+        """tau (n,) in [0, 1], the share of the goal's offset, at progress (n,)."""
+        return faded(blended(progress, self.start_progress, self.goal_progress), self.fade)
 
 
 @numba.njit(cache=True, nogil=True)

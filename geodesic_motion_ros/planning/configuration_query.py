@@ -346,7 +346,7 @@ class ConfigurationQueryBuilder(TransportedQueryBuilder):
         progress, shares = self._graph.progress_map(np.stack([here.latent, there.latent]))
         decoded = np.stack([here.decoded, there.decoded]) + corrections_at(corrections, progress, shares)
         requested, along = np.stack([here.requested, there.requested]), (float(progress[0]), float(progress[1]))
-        offsets = JointOffsets.between(self._robot, decoded, requested, along, corrections)
+        offsets = JointOffsets.between(self._robot, decoded, requested, along, corrections, self._skill.fade)
         graph = self._graph.transported(offsets, conformal)
         body = NodeBody.of_arm(
             graph.configurations, graph.body_points, self._point_radii, self._collision, self._links, self._robot

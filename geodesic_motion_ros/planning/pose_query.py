@@ -237,7 +237,7 @@ class PoseQueryBuilder(TransportedQueryBuilder):
         corrected = corrections_at(corrections, progress, shares)
         return Offsets(
             here.displacement - corrected[0], there.displacement - corrected[1],
-            float(progress[0]), float(progress[1]), corrections,
+            float(progress[0]), float(progress[1]), corrections, self._skill.fade,
         )  # fmt: skip
 
 

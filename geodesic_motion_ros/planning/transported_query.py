@@ -15,7 +15,6 @@ from geodesic_motion_ros.manifold.mean_path import MeanPaths
 from geodesic_motion_ros.manifold.metric_field import MetricField
 from geodesic_motion_ros.manifold.node_body import NodeBody
 from geodesic_motion_ros.manifold.shortest_path import cost_field
-from geodesic_motion_ros.manifold.transport import blended
 from geodesic_motion_ros.manifold.weighted_graph import WeightedGraph
 from geodesic_motion_ros.planning.declared_scene import DeclaredScene
 from geodesic_motion_ros.planning.settings import PlannerSettings
@@ -69,8 +68,7 @@ class TransportedQuery:
 
     def displaced_at(self, progress: np.ndarray) -> float:
         """The rest of `displaced` [m] at a progress (1,): it fades towards the goal, as the offset of the start."""
-        faded = blended(progress, self.offsets.start_progress, self.offsets.goal_progress)
-        return self.displaced * (1.0 - float(faded[0]))
+        return self.displaced * (1.0 - float(self.offsets.blended(progress)[0]))
 
 
 def edges_in_scene(

@@ -36,6 +36,8 @@ METRIC_RANGES = {
 #: What skills of earlier releases lack, for which the default holds.
 _LATER = {"orientation_weight"}
 METRIC_CHOICES = {"task": {"orientation_scale": ("spread", "kappa")}, "joint": {}}
+#: Slower than linear, an offset would fade at an infinite rate at the goal; faster than this, at once.
+FADE_RANGE = (1.0, 16.0)
 #: A deviation of 10 m or 10 rad is that of no arm. Energies are squared lengths, of kappa too, which reaches 1e5.
 RANGES = {"sigma_support": (1e-9, 10.0), "energy_per_edge": (1e-12, 1e15)}
 
@@ -66,6 +68,7 @@ def check_description(described: Any) -> None:
     _check_tables(described)
     if described["sheet"] == "canonical":
         _check_penalty(described.get("regression_penalty"))
+        _check_number("offset_fade", described.get("offset_fade", 1.0), *FADE_RANGE)
     digests = described["sha256"]
     if not isinstance(digests, dict) or set(digests) != set(FILES):
         raise SkillError(f"sha256 must list exactly {', '.join(FILES)}")

@@ -167,7 +167,10 @@ def _canonical(
         if name not in arrays:
             raise SkillError(f"lacks {name}; the canonical sheet needs {', '.join(named.values())}")
     sheet = _SHEETS[space](
-        **{name: arrays[stored] for name, stored in named.items()}, penalty=float(described["regression_penalty"])
+        **{name: arrays[stored] for name, stored in named.items()},
+        penalty=float(described["regression_penalty"]),
+        # Offsets of skills of earlier releases fade linearly.
+        fade=float(described.get("offset_fade", 1.0)),
     )
     if space == "joint":
         count = (0, *sheet.configurations.shape)[-1]

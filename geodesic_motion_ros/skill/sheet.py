@@ -8,7 +8,7 @@ demonstrated, where the mean paths of the modes run, and what the demonstrations
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
@@ -37,12 +37,15 @@ class DemonstratedEnds:
     start_offsets, goal_offsets : (N, D) what was taken out of each demonstration at its two ends.
     modes : (N,) number of each demonstration's mode, from 0.
     penalty : of the regression on start and goal offsets; inf: the mean.
+    fade : exponent with which a start's offset was taken out along the motion, and is put in again, see
+        `demonstrations.fade`.
     """
 
     start_offsets: np.ndarray
     goal_offsets: np.ndarray
     modes: np.ndarray
     penalty: float
+    fade: float = field(default=1.0, kw_only=True)
 
     def check_arrays(self, shapes: dict[str, tuple[int, ...]]) -> None:
         """Refuse arrays of other shapes, with values that are not finite or that no arm moves by (SkillError)."""

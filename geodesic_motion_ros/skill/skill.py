@@ -90,6 +90,11 @@ class LearnedModel:
         return "raw" if self.canonical is None else "canonical"
 
     @property
+    def fade(self) -> float:
+        """Exponent with which the offset of a query's start fades along a motion; 1, linear, on the raw sheet."""
+        return 1.0 if self.canonical is None else self.canonical.fade
+
+    @property
     def mean_paths(self) -> MeanPaths | None:
         """Where the demonstrations run on average; None on the raw sheet, and for a single demonstration."""
         if self.canonical is None or not self.canonical.has_mean_paths:
@@ -189,6 +194,7 @@ class Skill(LearnedModel):
             if self.canonical is not None:
                 latent |= {f"canonical_{name}": getattr(self.canonical, name) for name in CANONICAL_ARRAYS[self.space]}
                 described["regression_penalty"] = self.canonical.penalty
+                described["offset_fade"] = self.canonical.fade
             np.savez(draft / LATENT, **latent)
             described |= {name: getattr(self, name) for name in METADATA} | {"metric": asdict(self.metric)}
             if self.scene is not None:

@@ -36,6 +36,16 @@ def test_both_ends_are_met_exactly(curve, size):
     np.testing.assert_allclose(carried[[0, -1]], asked, atol=1e-12)
 
 
+def test_the_tools_offset_fades_with_its_exponent(curve):
+    asked = curve[[0, -1]] + 0.05 * OFFSETS
+    for fade in (1.0, 4.0):
+        offsets = JointOffsets.between(ROBOT, curve[[0, -1]], asked, fade=fade)
+        carried = offsets.carried(curve, S, NO_MEAN_PATHS)
+        np.testing.assert_allclose(carried[[0, -1]], asked, atol=1e-12)
+        wanted = (1.0 - S[:, None]) ** fade * (offsets.tool[0] - offsets.tool[1]) + offsets.tool[1]
+        assert np.abs(tool_moves(curve, carried) - wanted)[:, :3].max() < 0.1 * np.abs(offsets.tool[:, :3]).max()
+
+
 def test_ends_at_other_progress_are_met_there(curve):
     asked = curve[[10, 50]] + 0.2 * OFFSETS
     offsets = JointOffsets.between(ROBOT, curve[[10, 50]], asked, (float(S[10]), float(S[50])))

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from geodesic_motion_ros.geometry.quaternions import angle_between, normalise, rotate_by
 from geodesic_motion_ros.geometry.se3 import carried
-from geodesic_motion_ros.manifold.transport import Offsets, blended, corrections_at
+from geodesic_motion_ros.manifold.transport import Offsets, blended, corrections_at, faded
 
 
 def some_offsets(seed: int = 0, mean_paths: int = 2, samples: int = 7) -> Offsets:
@@ -45,6 +47,38 @@ def test_without_corrections_each_end_is_carried_by_its_own_offset_exactly(seed)
         np.testing.assert_allclose(offsets.displacements(np.array([progress]), none)[0], expected, atol=1e-15)
     between = offsets.displacements(np.array([0.3]), none)[0]
     np.testing.assert_allclose(between, 0.75 * offsets.start + 0.25 * offsets.goal, atol=1e-15)
+
+
+@pytest.mark.parametrize("fade", [1.0, 2.0, 4.0])
+def test_the_start_fades_as_a_power_and_the_goal_has_the_rest(fade):
+    offsets, none = replace(some_offsets(1, mean_paths=0), fade=fade), np.empty((2, 0))
+    ends = offsets.displacements(np.array([0.1, 0.9]), none)
+    np.testing.assert_allclose(ends, np.stack([offsets.start, offsets.goal]), atol=1e-15)
+    left = 0.75**fade
+    between = offsets.displacements(np.array([0.3]), none[:1])[0]
+    np.testing.assert_allclose(between, left * offsets.start + (1.0 - left) * offsets.goal, atol=1e-15)
+
+
+def test_a_fade_of_one_rounds_nothing():
+    t = np.random.default_rng(0).uniform(size=1000)
+    np.testing.assert_array_equal(faded(t, 1.0), t)
+
+
+def displaced(fade, start_progress, start, goal, progress, shares) -> np.ndarray:
+    none = np.zeros((0, 2, 6))
+    return Offsets(start, goal, start_progress, 1.0, none, fade).displacements(progress, shares)
+
+
+@pytest.mark.parametrize("fade", [1.0, 2.0, 4.0])
+def test_offsets_planned_again_from_half_of_the_path_keep_the_rest_of_it(fade):
+    start, goal = np.random.default_rng(2).normal(size=(2, 6))
+    progress, shares = np.array([0.4, 0.55, 0.8, 1.0]), np.empty((4, 0))
+    whole = displaced(fade, 0.0, start, goal, progress, shares)
+    again = displaced(fade, 0.4, whole[0], goal, progress, shares)
+    np.testing.assert_allclose(again, whole, atol=1e-14)
+    # The control: what goes on with another fade leaves the path.
+    other = displaced(3.0, 0.4, whole[0], goal, progress, shares)
+    assert np.abs(other - whole).max() > 0.01
 
 
 @pytest.mark.parametrize("mean_paths", [0, 1, 3])

@@ -69,14 +69,22 @@ def test_a_canonical_skill_comes_back_bit_by_bit(canonical_fan_skill, canonical_
             saved, read = getattr(skill.canonical, name), getattr(loaded.canonical, name)
             assert read.tobytes() == saved.tobytes()
             assert read.dtype == saved.dtype
-        assert loaded.canonical.penalty == skill.canonical.penalty
+        assert (loaded.canonical.penalty, loaded.fade) == (skill.canonical.penalty, skill.fade)
         np.testing.assert_array_equal(loaded.mean_paths.centres, skill.mean_paths.centres)
         np.testing.assert_array_equal(loaded.mean_paths.precisions, skill.mean_paths.precisions)
 
 
 def with_modes(skill: Skill) -> Skill:
-    """The same skill with two modes and a regression."""
-    return replace(skill, canonical=replace(skill.canonical, modes=np.array([0, 1, 0, 1, 0, 1, 0]), penalty=0.3))
+    """The same skill with two modes, a regression and a fade."""
+    modes = np.array([0, 1, 0, 1, 0, 1, 0])
+    return replace(skill, canonical=replace(skill.canonical, modes=modes, penalty=0.3, fade=4.0))
+
+
+def test_offsets_of_skills_of_earlier_releases_fade_linearly(canonical_fan_skill, canonical_folder):
+    with_modes(canonical_fan_skill).save(canonical_folder)
+    assert Skill.load(canonical_folder).fade == 4.0
+    edit(canonical_folder, offset_fade=None)
+    assert Skill.load(canonical_folder).fade == 1.0
 
 
 def test_a_raw_skill_has_no_sheet_to_carry(fan_skill, folder):
@@ -121,6 +129,8 @@ def test_broken_arrays_of_the_sheet_are_named(canonical_folder, name, array):
         ({"regression_penalty": -1.0}, "regression_penalty is -1.0"),
         ({"regression_penalty": "none"}, "regression_penalty is 'none'"),
         ({"regression_penalty": None}, "regression_penalty"),
+        ({"offset_fade": 0.5}, "offset_fade is 0.5; it must be a number between 1 and 16"),
+        ({"offset_fade": "slow"}, "offset_fade is 'slow'"),
     ],
 )
 def test_broken_descriptions_of_the_sheet_are_named(canonical_folder, changes, words):

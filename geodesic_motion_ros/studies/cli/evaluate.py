@@ -47,7 +47,8 @@ columns:  dtw_mm, frechet_mm, orientation_deg, to_closest_mm, endpoint_before_mm
 
 of an arm's joints, for every family of demonstrations and for all
 rows:     geodesic (inside the family of the demonstration), geodesic_any (through whichever is cheapest), latent_line,
-          mean_demonstration, joint_line (straight in joint space), reconstruction, people
+          conditional_mean (no manifold), mean_demonstration, joint_line (straight in joint space),
+          nearest_demonstration, dmp_nearest, promp, reconstruction, people
 columns:  dtw_mm, orientation_deg, joint_dtw_rad, pointwise_mm, unanswered
 
 examples:

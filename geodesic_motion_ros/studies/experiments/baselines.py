@@ -30,7 +30,7 @@ SAMPLES = 200
 DMP_WEIGHTS = 50
 PROMP_WEIGHTS = 10
 PROMP_NOISE = 1e-4
-"""Variance of the start and goal a ProMP is conditioned on: [m^2], and of the quaternion's components."""
+"""Variance of the ends a ProMP is conditioned on: [m^2], and of the quaternion's components; of joints [rad^2]."""
 
 
 class PeersMissingError(GeodesicMotionError):
@@ -83,16 +83,12 @@ def dmp_nearest(train: Demonstrations, start: Pose, goal: Pose) -> Prediction:
     """Cartesian DMP of the nearest demonstration, start and goal replaced (A. Ude et al., ICRA 2014)."""
     _, dmp_type = require_peers()
     shown = nearest(train, start, goal).resampled(SAMPLES, by="time")
-    times = np.linspace(0.0, 1.0, SAMPLES)
-    dmp = dmp_type(execution_time=1.0, dt=times[1], n_weights_per_dim=DMP_WEIGHTS, int_dt=0.001)
-    dmp.imitate(times, np.hstack([shown.positions, shown.quaternions]))
     # q and -q are one rotation, but the library would take the longer turn between opposite signs.
     ends = [
         np.hstack([pose[0], rotate_by(rotation_vector_between(quaternion, pose[1]), quaternion)])
         for pose, quaternion in ((start, shown.quaternions[0]), (goal, shown.quaternions[-1]))
     ]
-    dmp.configure(start_y=ends[0], goal_y=ends[1])
-    _, poses = dmp.open_loop()
+    poses = dmp_motion(dmp_type, np.hstack([shown.positions, shown.quaternions]), *ends)
     curve = PoseCurve(poses[:, :3], continuous_signs(normalise(poses[:, 3:])))
     return Prediction.between(curve, start, goal)
 
@@ -104,16 +100,14 @@ def promp(train: Demonstrations, start: Pose, goal: Pose) -> Prediction:
     The conditioned mean misses the ends by what PROMP_NOISE allows. More noise draws it towards the mean
     demonstration.
     """
-    promp_type, _ = require_peers()
     aligned = train.in_one_hemisphere().resampled(SAMPLES, by="time")
     shown = np.concatenate([aligned.positions_array(), aligned.quaternions_array()], axis=2)
-    phase = np.linspace(0.0, 1.0, SAMPLES)
-    primitive = promp_type(n_dims=7, n_weights_per_dim=PROMP_WEIGHTS)
-    primitive.imitate(np.tile(phase, (len(shown), 1)), shown)
-    for at, pose, reference in ((0.0, start, shown[0, 0, 3:]), (1.0, goal, shown[0, -1, 3:])):
-        wanted = np.hstack([pose[0], pose[1] if pose[1] @ reference >= 0.0 else -pose[1]])
-        primitive = primitive.condition_position(wanted, y_cov=PROMP_NOISE * np.eye(7), t=at, t_max=1.0)
-    predicted = primitive.mean_trajectory(phase)
+    # q and -q are one rotation: the sign is that of the demonstrations.
+    ends = [
+        np.hstack([pose[0], pose[1] if pose[1] @ reference >= 0.0 else -pose[1]])
+        for pose, reference in ((start, shown[0, 0, 3:]), (goal, shown[0, -1, 3:]))
+    ]
+    predicted = promp_mean(shown, *ends)
     curve = PoseCurve(predicted[:, :3], continuous_signs(normalise(predicted[:, 3:])))
     return Prediction.between(curve, start, goal)
 
@@ -130,12 +124,41 @@ PREDICTORS: dict[str, Predictor] = {
 
 def nearest(train: Demonstrations, start: Pose, goal: Pose) -> Demonstration:
     """The demonstration whose first and last positions are together nearest to the demanded ones."""
+    ends = np.stack([item.positions[[0, -1]] for item in train])
+    return train[nearest_ends(ends, start[0], goal[0])]
 
-    def distance(item: Demonstration) -> float:
-        to_start, to_goal = item.positions[0] - start[0], item.positions[-1] - goal[0]
-        return float(np.linalg.norm(to_start) + np.linalg.norm(to_goal))
 
-    return min(train, key=distance)
+def nearest_ends(ends: np.ndarray, start: np.ndarray, goal: np.ndarray) -> int:
+    """Which of first and last points (N, 2, D) are together nearest to a start (D,) and a goal (D,)."""
+    off = np.linalg.norm(ends - np.stack([start, goal]), axis=-1)
+    return int(np.argmin(off.sum(axis=1)))
+
+
+def dmp_motion(dmp_type: Callable[..., Any], shown: np.ndarray, start: np.ndarray, goal: np.ndarray) -> np.ndarray:
+    """The motion (SAMPLES, D) of a primitive that has learned one (SAMPLES, D), equally spaced in time, between a start
+    (D,) and a goal (D,).
+
+    dmp_type : makes one of the library's, of keywords that they have in common.
+    """
+    times = np.linspace(0.0, 1.0, SAMPLES)
+    dmp = dmp_type(execution_time=1.0, dt=times[1], n_weights_per_dim=DMP_WEIGHTS, int_dt=0.001)
+    dmp.imitate(times, shown)
+    dmp.configure(start_y=start, goal_y=goal)
+    return dmp.open_loop()[1]
+
+
+def promp_mean(shown: np.ndarray, start: np.ndarray, goal: np.ndarray) -> np.ndarray:
+    """The mean (T, D) of a primitive that has learned motions (N, T, D), equally spaced in time, conditioned on a start
+    (D,) and a goal (D,) with PROMP_NOISE.
+    """
+    promp_type, _ = require_peers()
+    _, samples, size = shown.shape
+    phase = np.linspace(0.0, 1.0, samples)
+    primitive = promp_type(n_dims=size, n_weights_per_dim=PROMP_WEIGHTS)
+    primitive.imitate(np.tile(phase, (len(shown), 1)), shown)
+    for at, end in ((0.0, start), (1.0, goal)):
+        primitive = primitive.condition_position(end, y_cov=PROMP_NOISE * np.eye(size), t=at, t_max=1.0)
+    return primitive.mean_trajectory(phase)
 
 
 def require_peers() -> tuple[Any, Any]:

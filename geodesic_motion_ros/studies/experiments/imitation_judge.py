@@ -17,6 +17,7 @@ from geodesic_motion_ros.geometry.quaternions import angle_between, continuous_s
 from geodesic_motion_ros.geometry.se3 import carried
 from geodesic_motion_ros.manifold.decoder import rms_sigma
 from geodesic_motion_ros.manifold.encoder import TaskSpaceEncoder
+from geodesic_motion_ros.manifold.transport import faded
 from geodesic_motion_ros.planning.pose_path import PosePath, PosePathPlanner
 from geodesic_motion_ros.planning.settings import PlannerSettings
 from geodesic_motion_ros.planning.status import Verdict
@@ -167,10 +168,10 @@ def conditional_mean(skill: Skill, start: Pose, goal: Pose) -> PoseCurve:
         for mean, pose in ((skill.start_pose, start), (skill.goal_pose, goal))
     ]
     positions, quaternions = sheet.mean_curves(sheet.weights(*offsets, conditioned=True))
-    s = np.linspace(0.0, 1.0, positions.shape[1])[:, None]
+    tau = faded(np.linspace(0.0, 1.0, positions.shape[1]), skill.fade)[:, None]
     # The mode that most demonstrations belong to.
     largest = int(np.argmax(np.bincount(sheet.modes)))
-    blend = (1.0 - s) * offsets[0] + s * offsets[1]
+    blend = (1.0 - tau) * offsets[0] + tau * offsets[1]
     return PoseCurve(*carried(positions[largest], continuous_signs(quaternions[largest]), blend))
 
 

@@ -6,8 +6,12 @@ For every fold, skills are trained on the other demonstrations, one per seed. Ro
 geodesic            the planner's reference, inside the family of the held-out demonstration
 geodesic_any        the same through whichever family is the cheapest: from starts and goals that families share
 latent_line         straight line between the latent ends of geodesic, decoded, carried to start and goal as that is
-mean_demonstration  the mean of the family's demonstrations along their arcs, carried to start and goal
-joint_line          straight line in joint space
+conditional_mean    what geodesic follows, without a manifold: the demonstrations' weighted mean, carried to start and
+                    goal with the skill's fade (`demonstrations.fade`)
+mean_demonstration  the mean of the family's demonstrations along their arcs, carried to start and goal, offsets fading
+                    linearly
+joint_line, nearest_demonstration, dmp_nearest, promp
+                    those of `joint_baselines`, of the family's demonstrations, carried to start and goal
 reconstruction      the held-out demonstration through encoder and decoder; its start and goal offsets are known
 people              how far apart demonstrations of the family are: mean over all pairs
 
@@ -45,8 +49,10 @@ from geodesic_motion_ros.planning.planner import ReactivePlanner
 from geodesic_motion_ros.robot.body_points import end_effector_poses
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.skill.skill import Skill
+from geodesic_motion_ros.studies.experiments.baselines import require_peers
 from geodesic_motion_ros.studies.experiments.folds import Fold
 from geodesic_motion_ros.studies.experiments.imitation import Progress, stage_shown_on
+from geodesic_motion_ros.studies.experiments.joint_baselines import JOINT_PREDICTORS
 from geodesic_motion_ros.studies.tools.averages import mean
 from geodesic_motion_ros.studies.tools.similarity import COMPARED_POINTS, compare, dtw_matching
 from geodesic_motion_ros.utils.errors import ParameterError
@@ -56,7 +62,8 @@ TrainJoints = Callable[[JointDemonstrations, int, Progress], Skill]
 """train(demonstrations, seed, progress) -> skill."""
 
 ROWS = (
-    "geodesic", "geodesic_any", "latent_line", "mean_demonstration", "joint_line", "reconstruction", "people",
+    "geodesic", "geodesic_any", "latent_line", "conditional_mean", "mean_demonstration", *JOINT_PREDICTORS,
+    "reconstruction", "people",
 )  # fmt: skip
 COLUMNS = ("dtw_mm", "orientation_deg", "joint_dtw_rad", "pointwise_mm")
 
@@ -153,7 +160,9 @@ def evaluate_joints(
     Raises
     ------
     DemonstrationError, ParameterError : folds or seeds that do not fit, before anything is trained.
+    PeersMissingError : movement_primitives is not installed, likewise.
     """
+    require_peers()
     folds, seeds = tuple(tuple(fold) for fold in folds), tuple(seeds)
     if not folds or not seeds:
         raise ParameterError("nothing to evaluate: give at least one fold and one seed")
@@ -221,18 +230,18 @@ class _Judge:
             raise ParameterError(
                 f"holding out {','.join(map(str, fold))} leaves no demonstration of family {min(lost)} to train on"
             )
-        self._form = canonical_joint_form(self.shown, robot, metric, COMPARED_POINTS)
+        self._form = canonical_joint_form(self.shown, robot, metric, COMPARED_POINTS, fade=1.0)
 
     def baselines(self) -> list[JointMeasurement]:
         """The rows that need no training."""
         measured = []
         for index in self._fold:
             held_out = self.curves[index]
-            mean = self._form.configurations[self._shown_families == self._families[index]].mean(axis=0)
-            share = np.linspace(0.0, 1.0, COMPARED_POINTS)[:, None]
-            line = held_out[0] + share * (held_out[-1] - held_out[0])
-            for row, path in (("mean_demonstration", self._meeting(mean, held_out)), ("joint_line", line)):
-                measured.append(self._measured(row, index, None, path))
+            own = np.flatnonzero(self._shown_families == self._families[index])
+            family = replace(self.shown, items=tuple(self.shown[number] for number in own))
+            paths = {"mean_demonstration": self._form.configurations[own].mean(axis=0)}
+            paths |= {row: predict(family, *held_out[[0, -1]]) for row, predict in JOINT_PREDICTORS.items()}
+            measured += [self._measured(row, index, None, self._meeting(path, held_out)) for row, path in paths.items()]
         return measured
 
     def of_skill(self, skill: Skill, seed: int) -> list[JointMeasurement]:
@@ -243,6 +252,8 @@ class _Judge:
             inside = within_demonstrations(skill, self._shown_families == family)
             own = [index for index in self._fold if self._families[index] == family]
             measured += self._planned("geodesic", inside, own, seed)
+            if skill.canonical is not None:
+                measured += [self._measured("conditional_mean", i, seed, self._conditional(skill, i)) for i in own]
         return measured
 
     def _planned(self, row: str, skill: Skill, indices: Sequence[int], seed: int) -> Iterator[JointMeasurement]:
@@ -268,9 +279,20 @@ class _Judge:
                 path = self._meeting(carried, self.curves[index])
                 yield self._measured("latent_line", index, seed, path)
 
-    def _meeting(self, path: np.ndarray, held_out: np.ndarray) -> np.ndarray:
+    def _conditional(self, skill: Skill, index: int) -> np.ndarray:
+        """The weighted mean of a canonical skill's demonstrations of the family, carried to a held-out one's ends."""
+        sheet, held_out = skill.canonical, self.curves[index]
+        family = self._shown_families == self._families[index]
+        poles = (sheet.start_poles, sheet.goal_poles)
+        offsets = [held_out[end] - _nearest(poles[end], held_out[end]) for end in (0, -1)]
+        # Of all modes the one that holds most of the family.
+        mode = int(np.argmax(np.bincount(sheet.modes[family])))
+        weights = sheet.weights(*offsets, conditioned=True)[mode]
+        return self._meeting(np.einsum("n,nsj->sj", weights, sheet.configurations), held_out, skill.fade)
+
+    def _meeting(self, path: np.ndarray, held_out: np.ndarray, fade: float = 1.0) -> np.ndarray:
         """A path (n, eta) carried so that it begins and ends as the held-out motion."""
-        offsets = JointOffsets.between(self._robot, path[[0, -1]], held_out[[0, -1]])
+        offsets = JointOffsets.between(self._robot, path[[0, -1]], held_out[[0, -1]], fade=fade)
         return path + offsets.displacements(path, np.linspace(0.0, 1.0, len(path)))
 
     def _rebuilt(self, skill: Skill, index: int) -> np.ndarray:
@@ -279,17 +301,22 @@ class _Judge:
         encoder = JointSpaceEncoder.from_arrays(skill.encoder_arrays)
         if skill.canonical is None:
             return skill.decoder.configurations(encoder.encode(held_out))
-        ends = ((self._form.start_poles, held_out[0]), (self._form.goal_poles, held_out[-1]))
-        poles = np.stack([pole[np.argmin(np.linalg.norm(pole - end, axis=1))] for pole, end in ends])
-        canonical = without_offsets(held_out, poles, self._robot)
+        sheet = skill.canonical
+        poles = np.stack([_nearest(sheet.start_poles, held_out[0]), _nearest(sheet.goal_poles, held_out[-1])])
+        canonical = without_offsets(held_out, poles, self._robot, skill.fade)
         rebuilt = skill.decoder.configurations(encoder.encode(canonical))
-        offsets = JointOffsets.between(self._robot, poles, held_out[[0, -1]])
+        offsets = JointOffsets.between(self._robot, poles, held_out[[0, -1]], fade=skill.fade)
         return rebuilt + offsets.displacements(rebuilt, np.linspace(0.0, 1.0, len(rebuilt)))
 
     def _measured(self, row: str, index: int, seed: int | None, path: np.ndarray) -> JointMeasurement:
         curve = along_body_arc(path, self._robot, self._metric, COMPARED_POINTS)
         values = _compared(curve, self.curves[index], self._robot)
         return JointMeasurement(row, index, int(self._families[index]), seed, values)
+
+
+def _nearest(poles: np.ndarray, end: np.ndarray) -> np.ndarray:
+    """The one of poles (G, eta) that is nearest to an end (eta,)."""
+    return poles[np.argmin(np.linalg.norm(poles - end, axis=1))]
 
 
 def _compared(first: np.ndarray, second: np.ndarray, robot: Robot) -> dict[str, float]:

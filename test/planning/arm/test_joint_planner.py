@@ -9,11 +9,13 @@ import pytest
 from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
 
+from geodesic_motion_ros.demonstrations.joint_canonical import along_body_arc
 from geodesic_motion_ros.geometry.distance_field import DistanceField
 from geodesic_motion_ros.geometry.shapes import solid_distances, solid_rows
 from geodesic_motion_ros.manifold.metric_field import curve_length
 from geodesic_motion_ros.manifold.obstacle_weights import NodeEvaluation
 from geodesic_motion_ros.obstacles.obstacles import Obstacles
+from geodesic_motion_ros.planning.configuration_query import ConfigurationGoal
 from geodesic_motion_ros.planning.path_timer import PathTimer
 from geodesic_motion_ros.planning.plan import MotionState, Plan
 from geodesic_motion_ros.planning.planner import ReactivePlanner
@@ -64,6 +66,22 @@ def test_obstacles_of_every_kind_are_hit_on_the_old_path_and_passed_on_the_new(s
     assert 0.0 < plan.verdict.clearance <= least(plan.reference)
     # A field tells no more than its reach.
     assert least(plan.reference) < plan.verdict.clearance + 0.03 or kind == "cloud"
+
+
+def test_a_start_beside_the_others_joins_their_path_by_the_fade_of_the_skill(reach_skill, planner, start, goal) -> None:
+    """At half of the arc less of the tool's offset is left where it fades faster; both ends are met all the same."""
+    beside = start + np.array([0.15, 0.05, 0.0, 0.05, 0.0, 0.0, 0.0])
+    requested = ConfigurationGoal(goal[None], "the goal")
+
+    def halfway(fade: float, first: np.ndarray) -> np.ndarray:
+        skill = replace(reach_skill, canonical=replace(reach_skill.canonical, fade=fade))
+        reference = ReactivePlanner(skill, planner.settings).plan_configurations(first, requested).reference
+        path = along_body_arc(reference.positions, planner.robot, skill.metric, 101)
+        np.testing.assert_allclose(path[[0, -1]], [first, goal], atol=1e-6)
+        return planner.robot.forward(path[50])[0]
+
+    left = {fade: np.linalg.norm(halfway(fade, beside) - halfway(fade, start)) for fade in (1.0, 4.0)}
+    assert left[4.0] < 0.5 * left[1.0]
 
 
 def test_a_refined_path_is_shorter_than_the_graphs(reach_skill, planner, start, goal) -> None:

@@ -19,6 +19,7 @@ from geodesic_motion_ros.studies.experiments.joint_imitation import (
 from geodesic_motion_ros.utils.errors import ParameterError
 from geodesic_motion_ros.utils.tables import write_json
 
+pytest.importorskip("movement_primitives")
 HELD_OUT = (3, 7)
 
 
@@ -99,3 +100,17 @@ def test_a_refusal_is_counted_and_reported(reach_skill, reach_demonstrations) ->
 def test_folds_that_leave_nothing_are_refused(reach_demonstrations, folds, seeds, words) -> None:
     with pytest.raises(ParameterError, match=words):
         evaluate_joints(reach_demonstrations, folds, seeds, show_progress=False)
+
+
+def test_offsets_fade_for_the_skill_and_linearly_for_the_mean_demonstration(reach_skill, reach_demonstrations) -> None:
+    """A skill of another fade carries its mean otherwise; the peers, which have none, stay as they are."""
+    known = without(reach_skill, (3,))
+    other = replace(known, canonical=replace(known.canonical, fade=4.0))
+    first, second = (
+        evaluate_joints(reach_demonstrations, [(3,)], [0], lambda *_, skill=skill: skill, "reach", show_progress=False)
+        for skill in (known, other)
+    )
+    for row in ("mean_demonstration", "promp", "people"):
+        assert first.means(row) == second.means(row)
+    for row in ("conditional_mean", "geodesic"):
+        assert first.means(row)["dtw_mm"] != second.means(row)["dtw_mm"]
