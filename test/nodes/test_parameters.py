@@ -12,11 +12,11 @@ import yaml
 from geodesic_motion_ros.nodes.parameter_tables import TABLES
 from geodesic_motion_ros.nodes.parameters import Parameter, markdown_table, yaml_document
 from geodesic_motion_ros.planning.settings import PlannerSettings
+from geodesic_motion_ros.robot.description import shipped_robots
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.utils.errors import ParameterError
 
 CONFIG = Path(__file__).resolve().parents[2] / "config"
-ROBOTS = CONFIG.parent / "geodesic_motion_ros/robot/robots"
 ALL = [(node, parameter) for node, table in TABLES.items() for parameter in table]
 
 
@@ -83,7 +83,7 @@ def test_the_twin_and_the_real_controller_wait_as_long_for_a_new_trajectory():
     assert given["constraints"]["goal_time"] == 0.0
 
 
-@pytest.mark.parametrize("robot", [file.parent.name for file in sorted(ROBOTS.glob("*/robot.yaml"))])
+@pytest.mark.parametrize("robot", shipped_robots())
 def test_every_shipped_robot_has_a_file_of_its_joints_for_the_controller(robot):
     given = yaml.safe_load((CONFIG / f"controllers/{robot}.yaml").read_text())
     joints = given["joint_trajectory_controller"]["ros__parameters"]

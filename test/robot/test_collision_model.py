@@ -186,8 +186,8 @@ def test_without_obstacles_all_is_clear(panda: Robot, model: CollisionModel) -> 
 
 def test_robots_are_known_by_name(model: CollisionModel) -> None:
     assert len(CollisionModel.named("panda")) == len(model)
-    with pytest.raises(RobotError, match=r"'ur5'.*'panda'"):
-        CollisionModel.named("ur5")
+    with pytest.raises(RobotError, match=r"'ur55'.*'panda'"):
+        CollisionModel.named("ur55")
 
 
 def test_a_file_for_another_arm(tmp_path: Path, arm: Robot) -> None:

@@ -10,6 +10,7 @@ import pytest
 
 from geodesic_motion_ros.demonstrations.readers import read_demonstrations
 from geodesic_motion_ros.planning.declared_scene import DeclaredScene
+from geodesic_motion_ros.robot.description import shipped_robots
 from geodesic_motion_ros.robot.inverse_kinematics import pose_error, solve
 from geodesic_motion_ros.simulation.camera import VIEWS
 from geodesic_motion_ros.simulation.trajectory_player import JointWaypoints, TrajectoryPlayer
@@ -504,7 +505,7 @@ def test_pictures_show_obstacles_and_curves(world: ArmWorld, view: str) -> None:
     np.testing.assert_array_equal(world.render(80, 60, view), plain)
 
 
-@pytest.mark.parametrize("robot", ["panda", "fr3", "ur5", "iiwa14"])
+@pytest.mark.parametrize("robot", shipped_robots())
 def test_pictures_show_arms_in_the_light(robot: str) -> None:
     """With the control: where the arm is, the picture is another one without it, and not black."""
     with ArmWorld(robot=robot) as world:
