@@ -165,6 +165,8 @@ class TestPlanService:
     def test_is_empty_when_there_is_no_path(self, ready, skill, make_pose, wall):
         ready.send_spheres(wall)
         ready.wait(lambda: len(ready.planner.inputs.snapshot().obstacles.radii), "the obstacle")
+        ticks = ready.planner.loop.ticks
+        ready.wait(lambda: ready.planner.loop.ticks > ticks + 1, "a cycle that has begun with it")
         assert not ready.call(GetPlan, "plan", self.request(make_pose, skill.start_pose, skill.goal_pose)).plan.poses
         ready.wait(lambda: ready.status()["plan"].startswith("NO_FEASIBLE_PATH: "), "the reason in the status")
 
