@@ -229,7 +229,7 @@ def test_a_foreign_yaml_is_refused(folder, content):
 
 
 def test_who_mistypes_a_skill_is_given_the_shipped_ones():
-    shipped = r"\(fr3_reach_to_grasp, .*panda_pouring, panda_reach_to_grasp, paper_pouring, paper_reach, ur5_reach\)$"
+    shipped = r"\(fr3_reach_to_grasp, .*panda_pouring, panda_reach_to_grasp, panda_wide_reach, .*, ur5_reach\)$"
     with pytest.raises(SkillError, match=shipped):
         Skill.load("bottle2shelf")
 
