@@ -229,8 +229,8 @@ def test_a_foreign_yaml_is_refused(folder, content):
 
 
 def test_who_mistypes_a_skill_is_given_the_shipped_ones():
-    shipped = r"\(panda_bottle2shelf, panda_pouring, panda_reach_to_grasp, paper_pouring, paper_reach\)$"
-    with pytest.raises(SkillError, match=shipped):
+    shipped = ("panda_bottle2shelf", "panda_insertion", "panda_pouring", "panda_reach_to_grasp", "panda_wide_reach")
+    with pytest.raises(SkillError, match=rf"\({', '.join((*shipped, 'paper_pouring', 'paper_reach'))}\)$"):
         Skill.load("bottle2shelf")
 
 
