@@ -31,6 +31,7 @@ pytestmark = pytest.mark.filterwarnings("error::RuntimeWarning")
 
 QUERIES = int(os.environ.get("GEODESIC_QUERIES", "300"))
 SKILLS = ("panda_pouring", "panda_bottle2shelf", "panda_reach_to_grasp", "paper_pouring", "paper_reach")
+SKILLS += ("panda_wide_reach", "panda_insertion")
 SKILLS += tuple(filter(None, os.environ.get("GEODESIC_SKILLS", "").split(os.pathsep)))
 #: Of graphs that take long to stand, and to carry to a goal, on the default grid.
 GRIDS = {"paper_reach": (25, 25, 25)}
