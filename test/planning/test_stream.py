@@ -12,7 +12,7 @@ import pytest
 
 from geodesic_motion_ros.obstacles.obstacles import Obstacles
 from geodesic_motion_ros.planning.certificate import ArmCertifier, JudgedTrajectory
-from geodesic_motion_ros.planning.mode import Mode
+from geodesic_motion_ros.planning.mode import Mode, Purpose
 from geodesic_motion_ros.planning.plan import Plan
 from geodesic_motion_ros.planning.played import Followed, PlayedTrajectory
 from geodesic_motion_ros.planning.settings import PlannerSettings
@@ -62,13 +62,15 @@ def at(
     )
 
 
-def going(settings: PlannerSettings = SETTINGS, clearance: float = np.inf) -> Stream:
+def going(
+    settings: PlannerSettings = SETTINGS, clearance: float = np.inf, purpose: Purpose = Purpose.GOAL
+) -> Stream:
     """A stream that turns to the side from time 0 on."""
     stream = Stream(CERTIFIER)
     stream.stand(judged(JointReference.standing(ROBOT.ready, np.zeros(2))), 0.0)
     plan = Plan(straight(ROBOT.ready, ROBOT.ready + TURN), 0.0, replace(OK, clearance=clearance))
     start = at(stream, 0.0, settings=settings)
-    stream.commit(start.handed_out(plan, Followed.begun(QUERY, plan, start.obstacles, start.now)), 0.0)
+    stream.commit(start.handed_out(plan, Followed.begun(QUERY, plan, start.obstacles, start.now, purpose)), 0.0)
     return stream
 
 
@@ -234,14 +236,15 @@ def test_a_new_path_is_a_gain_where_it_takes_clearly_less_time_or_the_old_one_wa
     assert not situation.gains(replace(plan, trajectory=None), followed)
 
 
-def test_an_arm_that_brakes_by_itself_is_on_no_path_and_the_reason_is_kept() -> None:
-    stream = going()
+@pytest.mark.parametrize("purpose", list(Purpose))
+def test_an_arm_that_brakes_by_itself_is_on_no_path_and_the_reason_is_kept(purpose: Purpose) -> None:
+    stream = going(purpose=purpose)
     situation = at(stream, 0.5)
     stop = situation.stop.reference
     stream.braked(judged(stop), situation.state.time, NO_PATH)
     assert stream.to_goal() is None
     assert at(stream, 0.5).following(QUERY) is None
-    assert stream.followed.verdict is NO_PATH
+    assert (stream.followed.verdict, stream.followed.purpose) == (NO_PATH, Purpose.STOP)
     np.testing.assert_allclose(stream.commanded(situation.state.time + 5.0)[0], stop.positions[-1])
     stream.forget()
     assert stream.commanded(1.0) is None
