@@ -30,8 +30,6 @@ from geodesic_motion_ros.visualization.latent_view import magnification_factor
 BLUE, VERMILION, ORANGE, GREEN, GREY = "#0072B2", "#D55E00", "#E69F00", "#009E73", "#6b7280"
 _DPI = 150
 _RESOLUTION = 400
-#: No side of a box in space is shorter than this share of the longest.
-_NARROWEST = 0.4
 
 
 @dataclass(frozen=True)
@@ -266,14 +264,11 @@ def draw_in_space(
         )
     points = 100.0 * np.concatenate([np.atleast_2d(part) for part in everything])
     lower, upper = points.min(axis=0), points.max(axis=0)
-    widest = np.max(upper - lower)
-    # Matplotlib writes the label of a narrow side into the legend.
-    sides = np.maximum(upper - lower, _NARROWEST * widest) + 0.1 * widest
-    middle = 0.5 * (lower + upper)
-    for name, low, high in zip("xyz", middle - 0.5 * sides, middle + 0.5 * sides, strict=True):
+    margin = 0.05 * np.max(upper - lower)
+    for name, low, high in zip("xyz", lower - margin, upper + margin, strict=True):
         getattr(axes, f"set_{name}lim")(low, high)
         getattr(axes, f"set_{name}label")(f"{name} [cm]", labelpad=10.0 if name == "y" else 2.0)
-    axes.set_box_aspect(sides, zoom=zoom)
+    axes.set_box_aspect(upper - lower + 2.0 * margin, zoom=zoom)
     for axis in (axes.xaxis, axes.yaxis, axes.zaxis):
         axis.set_pane_color((1.0, 1.0, 1.0, 1.0))
         axis.set_major_locator(MultipleLocator(10.0))
