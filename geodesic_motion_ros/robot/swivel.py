@@ -42,9 +42,10 @@ def swivel_angle(robot: Robot, joint_positions: np.ndarray) -> float:
 
 
 def elbow_position(robot: Robot, joint_positions: np.ndarray) -> np.ndarray:
-    """Where the elbow is (3,) [m], base frame, at joint positions (7,) [rad]; errors as `swivel_angle`."""
-    check_swivel(robot)
-    frame = int(np.flatnonzero(robot.chain[3] == 3)[0]) + 1
+    """Where the elbow is (3,) [m], base frame, at joint positions (n,) [rad]: the frame of the middle joint, the fourth
+    of seven, the third of six.
+    """
+    frame = int(np.flatnonzero(robot.chain[3] == (len(robot.joint_names) - 1) // 2)[0]) + 1
     return robot.link_frames(joint_positions)[1][frame]
 
 

@@ -9,6 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from geodesic_motion_ros.robot.description import shipped_robots
 from geodesic_motion_ros.robot.inverse_kinematics import pose_error
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.robot.swivel import elbow_position, solve_with_swivel, swivel_angle
@@ -120,3 +121,14 @@ def test_other_arms_are_refused(tmp_path: Path) -> None:
     short = Robot.from_urdf(tmp_path / "short.urdf", "base", "tool")
     with pytest.raises(RobotError, match=r"2 joints, 2 of them revolute.*7 revolute joints"):
         swivel_angle(short, np.zeros(2))
+
+
+@pytest.mark.parametrize("name", shipped_robots())
+def test_the_elbow_is_where_the_middle_joint_begins(name: str) -> None:
+    """It is moved by the joints of the shoulder, and by none from the middle one on."""
+    robot = Robot.named(name)
+    middle, posture = (len(robot.joint_names) - 1) // 2, robot.ready + 0.3
+    moved = [elbow_position(robot, posture + turn) for turn in 0.1 * np.eye(len(posture))]
+    off = np.linalg.norm(np.array(moved) - elbow_position(robot, posture), axis=1)
+    assert np.all(off[:2] > 1e-3)
+    assert np.all(off[middle:] == 0.0)

@@ -1,7 +1,7 @@
 """`benchmark`: reactions to moving obstacles that keep the skill, beside what people use today.
 
-Plays seeded scenes on a simulated Panda with every method, the same stream of obstacles for each of them, and judges
-what the arm does: by PyBullet's distances of its meshes, and by how near it stays to the demonstrations.
+Plays seeded scenes on the simulated arm of a skill with every method, the same stream of obstacles for each of them,
+and judges what the arm does: by PyBullet's distances of its meshes, and by how near it stays to the demonstrations.
 
 skills    of the whole arm (panda_reach_to_grasp): all of the arm is guarded; of the tool (panda_pouring,
           panda_bottle2shelf): the hand alone is, for every method, and spheres are drawn on its path

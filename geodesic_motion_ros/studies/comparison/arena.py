@@ -17,7 +17,7 @@ from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.robot.limits import JointLimits
 from geodesic_motion_ros.skill.sheet import CanonicalSheet
 from geodesic_motion_ros.skill.skill import Skill
-from geodesic_motion_ros.studies.comparison.guard import Guard, GuardedArm, guard_of, guarded_spheres
+from geodesic_motion_ros.studies.comparison.guard import Guard, GuardedArm, guard_of, guarded
 from geodesic_motion_ros.studies.comparison.tool_demonstrations import followed, moved_curves, shown_curves
 from geodesic_motion_ros.trajectory.timing import timed_joint_reference
 from geodesic_motion_ros.trajectory.trajectory import JointReference
@@ -50,18 +50,18 @@ class Arena(GuardedArm):
             families of configurations, or the arm cannot carry the tool along them.
         RobotError : the arm does not reach where they begin.
         """
-        sheet, guarded = skill.canonical, guard_of(skill, guard)
+        sheet = skill.canonical
         if sheet is None:
             raise ParameterError(f"'{skill.name}' is on the raw sheet: scenes are drawn for skills on a canonical one")
-        robot, settings = Robot.named(skill.robot), PlannerSettings()
+        arm, settings = guarded(skill.robot, guard_of(skill, guard)), PlannerSettings()
+        robot: Robot = arm["robot"]
         limits = JointLimits.of(robot, settings.speed_scale, settings.acceleration_scale)
-        arm = (robot, guarded, guarded_spheres(skill.robot, guarded))
         if isinstance(sheet, CanonicalSheet):
             curves = shown_curves(sheet)
             # The first pose decides which of the arm's postures is taken, for all demonstrations.
             begin = solve(robot, curves[0].positions[0], curves[0].quaternions[0])
             shown = np.stack([followed(robot, curve, begin) for curve in curves])
-            return cls(*arm, skill, limits, shown, sheet.modes)
+            return cls(**arm, skill=skill, limits=limits, shown=shown, modes=sheet.modes)
         if len(sheet.start_poles) != 1 or len(sheet.goal_poles) != 1:
             raise ParameterError(
                 f"'{skill.name}' begins or ends in several families of configurations: scenes are drawn for skills "
@@ -69,7 +69,7 @@ class Arena(GuardedArm):
             )
         ends = np.stack([sheet.start_poles[0] + sheet.start_offsets, sheet.goal_poles[0] + sheet.goal_offsets], axis=1)
         shown = np.stack([_moved(robot, *pair) for pair in zip(sheet.configurations, ends, strict=True)])
-        return cls(*arm, skill, limits, shown, sheet.modes)
+        return cls(**arm, skill=skill, limits=limits, shown=shown, modes=sheet.modes)
 
     @property
     def whole_arm(self) -> bool:

@@ -107,7 +107,7 @@ class SeenByCamera(PlayedMethod):
 
     def __init__(self, world: ArmWorld, method: Method, arena: Arena) -> None:
         super().__init__(world, method)
-        self._arena, self._body = arena, CollisionModel.named(arena.skill.robot)
+        self._arena, self._body = arena, CollisionModel.named(arena.name)
 
     def reset(self, scene: Scene) -> None:
         super().reset(scene)

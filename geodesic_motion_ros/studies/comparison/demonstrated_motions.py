@@ -15,7 +15,6 @@ import numpy as np
 from geodesic_motion_ros.planning.declared_scene import DeclaredScene
 from geodesic_motion_ros.studies.comparison.arena import Arena
 from geodesic_motion_ros.studies.comparison.chasing import chased_point, sphere_centres
-from geodesic_motion_ros.studies.experiments.blocked_arm import HAND
 from geodesic_motion_ros.studies.experiments.moving_spheres import MovingSphere
 from geodesic_motion_ros.trajectory.trajectory import JointReference
 
@@ -48,7 +47,7 @@ class DemonstratedMotions:
         """scene : what always stands around the arm; None: nothing."""
         self._radii = arena.body_radii
         self._links = np.array(arena.collision.points.names)[arena.collision.moving]
-        self.hand = self._links == HAND
+        self.hand = self._links == arena.hand
         self.durations = [reference.duration for reference in references]
         instants = [np.append(np.arange(0.0, duration, _PERIOD), duration) for duration in self.durations]
         postures = [item.samples(times)[0] for item, times in zip(references, instants, strict=True)]

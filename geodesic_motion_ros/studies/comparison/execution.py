@@ -1,6 +1,6 @@
 """One scene: a source of motion, the stream of obstacles, and a judge who knows of no planner.
 
-The motion is that of a method, whose arm is a Panda in PyBullet that plays what it is sent by the rules of
+The motion is that of a method, whose arm is the skill's in PyBullet and plays what it is sent by the rules of
 joint_trajectory_controller, or follows a stream of poses as the twin does, inside its limits of velocity and
 acceleration; or it is a table of joint positions (`motions.py`). Obstacles are judged 200 times a second by PyBullet's
 distance of the collision meshes, where they are measured to be, from each sphere: the meshes of what is guarded
@@ -219,7 +219,7 @@ class Judge:
 
     def __init__(self, arm: GuardedArm, geometry: CollisionGeometry | None = None) -> None:
         """geometry : the meshes; None: the arm's."""
-        self.arm, self.geometry = arm, geometry or CollisionGeometry("panda")
+        self.arm, self.geometry = arm, geometry or CollisionGeometry(arm.name)
         self.guarded = frozenset(arm.collision.points.names)
 
     def judge(self, scene: Scene, motion: Motion) -> tuple[Outcome, np.ndarray]:
@@ -249,7 +249,7 @@ class Stage(Judge):
     def __init__(self, arm: GuardedArm, geometry: CollisionGeometry | None = None) -> None:
         """geometry : as of `Judge`."""
         super().__init__(arm, geometry)
-        self.world = ArmWorld(rate_hz=STEP_HZ)
+        self.world = ArmWorld(rate_hz=STEP_HZ, robot=arm.name)
 
     def play(self, scene: Scene, method: Method) -> tuple[Outcome, np.ndarray]:
         """As `judge`, the motion of a method."""

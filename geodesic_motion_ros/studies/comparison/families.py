@@ -203,7 +203,10 @@ def draw_family(
     NoPlaceError : there is no place for the spheres on these demonstrations.
     """
     if demonstrated.scene_clearance < FREE_END:
-        raise NoPlaceError(f"start or goal comes nearer than {FREE_END:g} m to what is declared in a scene '{family}'")
+        raise NoPlaceError(
+            f"start or goal comes nearer than {FREE_END:g} m to what is declared in a scene '{family}': choose other "
+            "families"
+        )
     spheres: Spheres = ()
     free = demonstrated.free_of(spheres)
     for draw in _draws(family, random):

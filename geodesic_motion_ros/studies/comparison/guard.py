@@ -7,17 +7,17 @@ requested: then scenes are drawn, free demonstrations found and contacts judged 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal, get_args
+from typing import Any, Literal, get_args
 
 import numpy as np
 
 from geodesic_motion_ros.geometry.curves import PoseCurve
 from geodesic_motion_ros.geometry.quaternions import continuous_signs
 from geodesic_motion_ros.robot.collision_model import CollisionModel
+from geodesic_motion_ros.robot.description import RobotDescription
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.skill.skill import Skill
-from geodesic_motion_ros.studies.experiments.blocked_arm import HAND
-from geodesic_motion_ros.utils.errors import ParameterError
+from geodesic_motion_ros.utils.errors import ParameterError, RobotError
 
 Guard = Literal["arm", "tool"]
 GUARDS: tuple[Guard, ...] = get_args(Guard)
@@ -45,16 +45,24 @@ def guard_of(skill: Skill, requested: Guard | None = None) -> Guard:
 
 @dataclass(frozen=True, eq=False)
 class GuardedArm:
-    """An arm and the collision spheres of what is guarded of it."""
+    """An arm and the collision spheres of what is guarded of it.
 
+    Attributes
+    ----------
+    name : of a shipped robot, or the path of a folder.
+    hand : the link that counts as its hand.
+    """
+
+    name: str
     robot: Robot
+    hand: str
     guard: Guard
     collision: CollisionModel
 
     @classmethod
     def named(cls, robot: str, guard: Guard) -> GuardedArm:
-        """RobotError: there is no such robot."""
-        return cls(Robot.named(robot), guard, guarded_spheres(robot, guard))
+        """RobotError: there is no such robot, or its folder names no hand."""
+        return cls(**guarded(robot, guard))
 
     def body(self, configurations: np.ndarray) -> np.ndarray:
         """Centres (n, B, 3) [m] of the spheres that joints move, in configurations (n, eta) [rad]."""
@@ -72,7 +80,10 @@ class GuardedArm:
         return PoseCurve(positions, continuous_signs(quaternions))
 
 
-def guarded_spheres(robot: str, guard: Guard) -> CollisionModel:
-    """The collision spheres of what is guarded of a robot."""
-    spheres = CollisionModel.named(robot)
-    return spheres if guard == "arm" else spheres.of_link(HAND)
+def guarded(robot: str, guard: Guard) -> dict[str, Any]:
+    """The fields of the `GuardedArm` of a robot; errors as its `named`."""
+    hand, spheres = RobotDescription.named(robot).hand, CollisionModel.named(robot)
+    if hand is None:
+        raise RobotError(f"the folder of the robot {robot!r} names no `hand`: scenes are drawn for arms with one")
+    kept = spheres if guard == "arm" else spheres.of_link(hand)
+    return {"name": robot, "robot": Robot.named(robot), "hand": hand, "guard": guard, "collision": kept}

@@ -26,7 +26,6 @@ from geodesic_motion_ros.studies.comparison.scene_file import SceneFile
 from geodesic_motion_ros.studies.experiments.moving_spheres import STEP
 from geodesic_motion_ros.utils.errors import ParameterError
 
-ROBOT = "panda"
 #: How far a motion may begin from the scene's start [rad], and how much faster than the arm's limits it may be.
 START, FASTER = 0.01, 1.1
 
@@ -72,7 +71,7 @@ def judged(scenes: SceneFile, path: Path, row: str) -> Iterator[Played]:
     DemonstrationError : the file is no recording of the arm's joints.
     ParameterError : it lacks a scene, has one more, or a motion of it is none that begins at the scene's start.
     """
-    tables = {item.name: item for item in read_joint_demonstrations(path, ROBOT)}
+    tables = {item.name: item for item in read_joint_demonstrations(path, scenes.robot)}
     names = {f"{scene.family}-{scene.number}": scene for scene in scenes.scenes}
     for some, others, said in ((names, tables, "lacks a motion for"), (tables, names, "has a motion for no scene:")):
         missing = [name for name in some if name not in others]
@@ -81,7 +80,7 @@ def judged(scenes: SceneFile, path: Path, row: str) -> Iterator[Played]:
             raise ParameterError(
                 f"{path}: {said} {missing[0]}{more}; it needs one for each scene: where a method refuses, its start"
             )
-    arm = GuardedArm.named(ROBOT, scenes.guard)
+    arm = GuardedArm.named(scenes.robot, scenes.guard)
     for name, scene in names.items():
         _check(tables[name], scene, arm.robot, path)
     judge = Judge(arm)

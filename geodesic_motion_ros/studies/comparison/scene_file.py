@@ -4,6 +4,7 @@ A file is a `.npz` archive of n scenes with m spheres in all; floats are of 64 b
 
     format                              1
     skill, skill_digest, guard          name, digest of what it learned (`held_out.digest`), arm or tool
+    robot                               of the skill; older files lack it, and are of a panda
     seed                                that the scenes were drawn with
     family, number                      (n,) each; together they name a scene
     start, goal                         (n, eta) [rad]
@@ -38,6 +39,8 @@ import yaml
 
 from geodesic_motion_ros.geometry.curves import PoseCurve
 from geodesic_motion_ros.planning.declared_scene import DeclaredScene
+from geodesic_motion_ros.robot.description import DEFAULT_ROBOT
+from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.skill.skill import Skill
 from geodesic_motion_ros.studies.comparison.families import Family, check_families
 from geodesic_motion_ros.studies.comparison.guard import Guard
@@ -66,17 +69,19 @@ class SceneFile:
     Attributes
     ----------
     skill, skill_digest : its name, and the digest of what it learned.
+    robot : of the skill, a name or the path of a folder.
     """
 
     skill: str
     skill_digest: str
+    robot: str
     guard: Guard
     seed: int
     scenes: tuple[Scene, ...]
 
     @classmethod
     def of(cls, skill: Skill, guard: Guard, seed: int, scenes: Sequence[Scene]) -> SceneFile:
-        return cls(skill.name, digest(skill), guard, seed, tuple(scenes))
+        return cls(skill.name, digest(skill), skill.robot, guard, seed, tuple(scenes))
 
     @property
     def families(self) -> tuple[Family, ...]:
@@ -138,6 +143,7 @@ class SceneFile:
             "format": np.array(FORMAT),
             "skill": np.array(self.skill),
             "skill_digest": np.array(self.skill_digest),
+            "robot": np.array(self.robot),
             "guard": np.array(self.guard),
             "seed": np.array(self.seed),
             "family": np.array([scene.family for scene in self.scenes]),
@@ -176,6 +182,7 @@ def _scene_file(arrays: dict[str, np.ndarray]) -> SceneFile:
     if version.shape != () or version.dtype.kind not in "iu" or int(version) != FORMAT:
         raise FileError(f"is of another format of scenes than {FORMAT}")
     text = {name: _text(name, arrays[name]) for name in ("skill", "skill_digest", "guard")}
+    text["robot"] = _text("robot", arrays["robot"]) if "robot" in arrays else DEFAULT_ROBOT
     if text["guard"] not in get_args(Guard):
         raise FileError(f"guard is {brief(text['guard'])}: it must be one of {', '.join(get_args(Guard))}")
     guard: Guard = text["guard"]  # type: ignore[assignment]
@@ -189,8 +196,9 @@ def _scene_file(arrays: dict[str, np.ndarray]) -> SceneFile:
     for name in names:
         if names.count(name) > 1:
             raise FileError(f"has the scene {name[0]}-{name[1]} more than once")
-    starts = _floats("start", arrays["start"], (count, 7), LARGEST_TURN)
-    goals = _floats("goal", arrays["goal"], (count, 7), LARGEST_TURN)
+    joints = len(Robot.named(text["robot"]).joint_names)
+    starts = _floats("start", arrays["start"], (count, joints), LARGEST_TURN)
+    goals = _floats("goal", arrays["goal"], (count, joints), LARGEST_TURN)
     positions = _floats("goal_position", arrays["goal_position"], (count, 3), ARM_REACH)
     quaternions = _floats("goal_quaternion", arrays["goal_quaternion"], (count, 4))
     check_unit("goal_quaternion", quaternions)
@@ -202,7 +210,7 @@ def _scene_file(arrays: dict[str, np.ndarray]) -> SceneFile:
     spheres, sets = _spheres(arrays, count), _compared(arrays)
     compared = _whole("compared", arrays["compared"], (count,), len(sets) - 1)
     declared = _declared(arrays, count)
-    return SceneFile(text["skill"], text["skill_digest"], guard, seed, tuple(
+    return SceneFile(text["skill"], text["skill_digest"], text["robot"], guard, seed, tuple(
         Scene(
             families[i], numbers[i], seed, starts[i], goals[i], (positions[i], quaternions[i]), spheres[i],
             bool(tool_chased[i]), (), free[i], sets[compared[i]], declared[i],

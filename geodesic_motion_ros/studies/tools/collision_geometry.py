@@ -26,7 +26,7 @@ class Part:
     name : its link in the URDF.
     link : the link of the robot's chain that carries it: the same, or the one that it is mounted on, as a finger.
     index : PyBullet's number of its link.
-    vertices : (V, 3) [m] of its convex hull in the frame of `link`.
+    vertices : (V, 3) [m] of its convex hull in the frame of `link`; none of a box, a cylinder or a sphere.
     """
 
     name: str
@@ -70,6 +70,8 @@ class CollisionGeometry:
             self._part(index) for index in self._names if self._client.getCollisionShapeData(self._arm, index)
         )
         self._carriers = {part.index: part.link for part in self.parts}
+        first_joint = int(np.flatnonzero(robot.chain[3] >= 0)[0])
+        self._moved = frozenset(robot.link_names[first_joint + 1 :])
 
     def place(self, joint_positions: np.ndarray) -> None:
         """Put the arm at joint positions (n,) [rad], inside the limits or not."""
@@ -87,11 +89,11 @@ class CollisionGeometry:
         return min((point[8] for point in points), default=np.inf)
 
     def clearance(self, centre: np.ndarray, radius: float, cutoff: float = 2.0) -> float:
-        """Signed distance [m] of the arm from a sphere, but for the base, which no joint moves; inf beyond `cutoff`."""
+        """Signed distance [m] of the links that joints move from a sphere; inf beyond `cutoff` [m]."""
         return min(self.clearances(centre, radius, cutoff).values(), default=np.inf)
 
     def clearances(self, centre: np.ndarray, radius: float, cutoff: float = 2.0) -> dict[str, float]:
-        """The same of every link of the chain that comes nearer than `cutoff`, with what is mounted on it."""
+        """The same of each of these links that comes nearer than `cutoff`, with what is mounted on it."""
         return self._clearances([self._sphere(centre, radius)], cutoff)
 
     def surround(self, scene: DeclaredScene) -> None:
@@ -109,8 +111,8 @@ class CollisionGeometry:
         nearest: dict[str, float] = {}
         for body in bodies:
             for point in self._client.getClosestPoints(self._arm, body, cutoff):
-                if point[3] >= 0:
-                    link = self._carriers[point[3]]
+                link = self._carriers[point[3]]
+                if link in self._moved:
                     nearest[link] = min(nearest.get(link, np.inf), point[8])
         return nearest
 
@@ -140,7 +142,7 @@ class CollisionGeometry:
         _, mesh = self._client.getMeshData(self._arm, index, flags=self._client.MESH_DATA_SIMULATION_MESH)
         # the mesh is given in the frame of the centre of mass
         inertial = self._client.getDynamicsInfo(self._arm, index)
-        vertices = Rotation.from_quat(inertial[4]).apply(np.array(mesh)) + inertial[3]
+        vertices = Rotation.from_quat(inertial[4]).apply(np.reshape(mesh, (-1, 3))) + inertial[3]
         (turned, origin), (carrier_turned, carrier_origin) = self._frame(index), self._frame(carrier)
         placed = turned.apply(vertices) + origin
         in_carrier = carrier_turned.inv().apply(placed - carrier_origin)

@@ -52,7 +52,8 @@ def same(one: object, other: object) -> bool:
 
 def test_what_is_read_is_what_was_written_to_the_bit(drawn, path) -> None:
     read = SceneFile.read(path)
-    one, other = ((item.skill, item.skill_digest, item.guard, item.seed, item.families) for item in (drawn, read))
+    named = ((item.skill, item.skill_digest, item.robot, item.guard, item.seed, item.families) for item in (drawn, read))
+    one, other = named
     assert one == other
     for one, other in zip(drawn.scenes, read.scenes, strict=True):
         assert same(asdict(replace(one, demonstrations=())), asdict(other))
@@ -62,12 +63,14 @@ def test_what_is_read_is_what_was_written_to_the_bit(drawn, path) -> None:
     assert not same(asdict(sphere), asdict(moved))
 
 
-def test_older_files_declare_nothing(path, tmp_path) -> None:
+def test_older_files_declare_nothing_and_are_of_a_panda(path, tmp_path) -> None:
     with np.load(path) as archive:
-        older = {name: array for name, array in archive.items() if name != "declared"}
+        older = {name: array for name, array in archive.items() if name not in ("declared", "robot")}
     np.savez(tmp_path / "older.npz", **older)
     assert {scene.declared.names for scene in SceneFile.read(path).scenes} == {(), ("table",)}
-    assert {scene.declared.names for scene in SceneFile.read(tmp_path / "older.npz").scenes} == {()}
+    read = SceneFile.read(tmp_path / "older.npz")
+    assert {scene.declared.names for scene in read.scenes} == {()}
+    assert read.robot == "panda"
 
 
 def test_scenes_of_a_file_are_played_as_those_that_are_drawn(reach_skill, drawn, path, tmp_path) -> None:

@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from geodesic_motion_ros.planning.declared_scene import DeclaredScene
-from geodesic_motion_ros.robot.description import RobotDescription
+from geodesic_motion_ros.robot.collision_model import CollisionModel
+from geodesic_motion_ros.robot.description import RobotDescription, shipped_robots
 from geodesic_motion_ros.simulation.world import ArmWorld
 from geodesic_motion_ros.studies.tools.collision_geometry import CollisionGeometry
 from geodesic_motion_ros.utils.errors import RobotError
@@ -98,3 +99,11 @@ def test_bodies_of_a_declared_scene_stand_where_they_are_declared_until_others_d
     assert apart["panda_hand"] - geometry.surrounding_clearances()["panda_hand"] == pytest.approx(0.13, abs=1e-3)
     geometry.surround(DeclaredScene.of({"keep_out": [{"name": "screen", **above}]}))
     assert geometry.surrounding_clearances() == {}
+
+
+@pytest.mark.parametrize("name", shipped_robots())
+def test_the_links_that_joints_move_are_judged_and_the_base_is_not(name: str) -> None:
+    with CollisionGeometry(name) as geometry:
+        judged = geometry.clearances(np.zeros(3), 0.05, cutoff=10.0)
+    spheres = CollisionModel.named(name)
+    assert set(judged) == {link for link, moves in zip(spheres.points.names, spheres.moving, strict=True) if moves}

@@ -20,7 +20,6 @@ from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.studies.comparison.arena import Arena
 from geodesic_motion_ros.studies.comparison.method import Answer
 from geodesic_motion_ros.studies.comparison.scene import Scene
-from geodesic_motion_ros.studies.experiments.blocked_arm import HAND
 
 Part = Literal["whole", "demonstrated", "hard", "soft"]
 
@@ -111,14 +110,14 @@ class Geodesics:
 
 def no_body(robot: Robot) -> CollisionModel:
     """A body that no obstacle can touch: a millimetre inside the shoulder."""
-    frame = robot.link_names.index("panda_link1")
-    points = BodyPoints(("panda_link1",), np.array([frame], dtype=np.int64), np.zeros((1, 3)))
+    frame = int(np.flatnonzero(robot.chain[3] >= 0)[0]) + 1
+    points = BodyPoints((robot.link_names[frame],), np.array([frame], dtype=np.int64), np.zeros((1, 3)))
     return CollisionModel(points, np.array([1e-3]), np.array([True]), np.empty((0, 2), dtype=np.int64))
 
 
 def tool_of(arena: Arena) -> dict[str, tuple]:
     """The spheres of the hand, fixed to the tool, as settings of the planner."""
-    hand, posture = CollisionModel.named(arena.skill.robot).of_link(HAND), arena.shown[0, 0]
+    hand, posture = CollisionModel.named(arena.name).of_link(arena.hand), arena.shown[0, 0]
     position, quaternion = arena.robot.forward(posture)
     points = to_rotation(quaternion).inv().apply(hand.positions(arena.robot, posture[None])[0] - position)
     return {"tool_points": tuple(map(tuple, points.tolist())), "tool_radii": tuple(hand.radii.tolist())}
