@@ -52,8 +52,8 @@ def same(one: object, other: object) -> bool:
 
 def test_what_is_read_is_what_was_written_to_the_bit(drawn, path) -> None:
     read = SceneFile.read(path)
-    named = ((item.skill, item.skill_digest, item.robot, item.guard, item.seed, item.families) for item in (drawn, read))
-    one, other = named
+    keys = ("skill", "skill_digest", "robot", "guard", "seed", "families")
+    one, other = ([getattr(item, key) for key in keys] for item in (drawn, read))
     assert one == other
     for one, other in zip(drawn.scenes, read.scenes, strict=True):
         assert same(asdict(replace(one, demonstrations=())), asdict(other))
