@@ -17,7 +17,7 @@ from geodesic_motion_ros.geometry.shapes import bounding_radii, solid_approach
 from geodesic_motion_ros.obstacles.obstacles import Obstacles
 
 #: Pairs of spheres are compared over so many intervals between knots at once.
-_BLOCK = 8
+_BLOCK = 16
 
 
 def clearances_in_motion(
@@ -266,18 +266,21 @@ def self_clearances(
     """
     intervals, spheres = len(bulges), len(radii)
     clearances, worst = np.full(intervals, np.inf), np.full(intervals, -1)
-    travels, bounds = np.empty(spheres), np.empty(len(pairs))
+    # How far from its middle in the block each sphere comes, with its radius.
+    extents, bounds = np.empty(spheres), np.empty(len(pairs))
     for begin in range(0, intervals if len(pairs) > 0 else 0, _BLOCK):
         end = min(begin + _BLOCK, intervals)
         middle = (begin + end) // 2
         for s in range(spheres):
-            travels[s] = 0.0
+            far, bulge = 0.0, 0.0
+            for i in range(begin, end + 1):
+                far = max(far, _distance(placed[i, s], placed[middle, s]))
             for i in range(begin, end):
-                away = max(_distance(placed[i, s], placed[middle, s]), _distance(placed[i + 1, s], placed[middle, s]))
-                travels[s] = max(travels[s], away + bulges[i, s])
+                bulge = max(bulge, bulges[i, s])
+            extents[s] = far + bulge + radii[s]
         for p in range(len(pairs)):
             a, b = pairs[p, 0], pairs[p, 1]
-            bounds[p] = _distance(placed[middle, a], placed[middle, b]) - travels[a] - travels[b] - radii[a] - radii[b]
+            bounds[p] = _distance(placed[middle, a], placed[middle, b]) - extents[a] - extents[b]
         # The pair that may be nearest is; most others cannot be nearer than it anywhere in the block.
         nearest = np.argmin(bounds)
         for i in range(begin, end):
