@@ -123,10 +123,11 @@ class PoseQueryBuilder(TransportedQueryBuilder):
         if self._allowed(end):
             return Verdict(VerdictCode.OK, in_support=True, **found)
         what = "the nearest pose the skill can reach" if self._skill.canonical is None else "what was demonstrated"
+        x, y, z = 1000 * end.beyond[:3]
         reason = (
-            f"the {name} is {1000 * beyond:.0f} mm and {math.degrees(beyond_angle):.0f} deg from {what}; allowed are "
-            f"{1000 * limit:.0f} mm and {math.degrees(limit_angle):.0f} deg (settings maximum_offset, "
-            "maximum_offset_angle)"
+            f"the {name} is {1000 * beyond:.0f} mm ({x:+.0f}, {y:+.0f}, {z:+.0f}) and "
+            f"{math.degrees(beyond_angle):.0f} deg from {what}; allowed are {1000 * limit:.0f} mm and "
+            f"{math.degrees(limit_angle):.0f} deg (settings maximum_offset, maximum_offset_angle)"
         )
         return Verdict(self._out_of_support(name), reason, **found)
 

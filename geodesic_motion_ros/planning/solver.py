@@ -36,7 +36,7 @@ from geodesic_motion_ros.planning.search import (
 from geodesic_motion_ros.planning.seen_volume import SeenVolume
 from geodesic_motion_ros.planning.settings import Attempt, PlannerSettings
 from geodesic_motion_ros.planning.status import Verdict, VerdictCode
-from geodesic_motion_ros.robot.collision_model import CollisionModel
+from geodesic_motion_ros.robot.collision_model import CollisionModel, self_clearance
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.robot.limits import JointLimits
 from geodesic_motion_ros.skill.skill import Skill
@@ -390,8 +390,13 @@ class Solver:
         """Smaller clearance [m] of present and goal configuration, or the refusal where one of them is covered.
 
         The goal must be free of the places where obstacles are expected to halt; optimistic: of standing obstacles
-        alone.
+        alone. A goal in which the arm touches itself is refused before.
         """
+        itself, (one, other) = self_clearance(self.collision, self.robot, state.position)
+        if itself < 0.0:
+            names = f"'{self.collision.link_of(one)}' and '{self.collision.link_of(other)}'"
+            reason = f"{names} overlap by {-1000 * itself:.1f} mm where the arm stands"
+            return Verdict(VerdictCode.IN_COLLISION, reason, **query.misfits)
         prediction = self.settings.prediction
         later = obstacles.static_subset if optimistic else obstacles.at(obstacles.time + prediction, prediction)
         nearest = []

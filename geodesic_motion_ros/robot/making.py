@@ -26,6 +26,10 @@ HAND_PROTRUSION = 0.02
 """How far [m] spheres of the links that the last joint carries may stick out: they come near things."""
 THINNEST = 0.004
 """Bodies that are too thin for a protrusion are covered with half of it, and so on down to this [m]."""
+FALSE_ALARMS, FINER = 0.1, 5.0 / 6.0
+"""Where spheres of two links overlap, while their bodies are apart, in more than this share of the draws, the arm is
+covered once more with this multiple of the protrusions: it would be refused, folded up, where a real one stands.
+"""
 POSTURES = 2000
 """Drawn, of which the ready posture is the best."""
 APART = 0.01
@@ -105,8 +109,7 @@ def _write(
     _write_limits(source, limits, out / "joint_limits.yaml")
     robot = Robot.from_urdf(urdf, source.base_link, source.tool_link)
     bodies = collision_bodies(robot, beside)
-    spheres = cover_bodies(robot, bodies)
-    pairs = draw_self_pairs(robot, spheres, bodies)
+    spheres, pairs = cover_and_pair(robot, bodies)
     (out / "spheres.yaml").write_text(_spheres_text(spheres, pairs))
     model = CollisionModel.load(out / "spheres.yaml", robot)
     posture = propose_ready(robot, model) if posture is None else posture
@@ -124,8 +127,20 @@ def _write(
     return MadeRobot(out, bodies, spheres, pairs)
 
 
-def cover_bodies(robot: Robot, bodies: Sequence[Body]) -> dict[str, np.ndarray]:
-    """Spheres (S, 4) [m] by link, base first, that hold all bodies.
+def cover_and_pair(robot: Robot, bodies: Sequence[Body]) -> tuple[dict[str, np.ndarray], tuple[LinkPair, ...]]:
+    """Spheres that hold all bodies, as of `cover_bodies`, `FINER` where of some links `FALSE_ALARMS` are many; and the
+    pairs kept apart.
+    """
+    spheres = cover_bodies(robot, bodies)
+    pairs = draw_self_pairs(robot, spheres, bodies)
+    if all(pair.overlapping - pair.touching <= FALSE_ALARMS for pair in pairs):
+        return spheres, pairs
+    spheres = cover_bodies(robot, bodies, FINER)
+    return spheres, draw_self_pairs(robot, spheres, bodies)
+
+
+def cover_bodies(robot: Robot, bodies: Sequence[Body], share: float = 1.0) -> dict[str, np.ndarray]:
+    """Spheres (S, 4) [m] by link, base first, that hold all bodies; share : of the usual protrusions.
 
     A body that the first joint alone turns is as high above what the arm stands on, z = 0, in every posture: where its
     spheres are lower than that, and it is not, finer ones are taken.
@@ -135,7 +150,7 @@ def cover_bodies(robot: Robot, bodies: Sequence[Body]) -> dict[str, np.ndarray]:
     found: dict[str, list[np.ndarray]] = {}
     for body in bodies:
         link = robot.link_names.index(body.link)
-        protrusion = HAND_PROTRUSION if turned[link] == turned[-1] else PROTRUSION
+        protrusion = share * (HAND_PROTRUSION if turned[link] == turned[-1] else PROTRUSION)
         rows = _covered(body, protrusion)
         up, height = rotations[link][2], origins[link][2]
         if turned[link] == 1 and np.min(rows[:, :3] @ up - rows[:, 3]) < -height < np.min(body.vertices @ up):
