@@ -155,7 +155,7 @@ class ConfigurationQueryBuilder(TransportedQueryBuilder):
         """
         found, reason = self._configurations_at("goal", pose)
         if not found:
-            return Verdict(VerdictCode.GOAL_OUT_OF_SUPPORT, f"no configuration near the demonstrated ones: {reason}")
+            return self._unheld("goal", reason)
         stated = f"the cheapest of {len(found)} configurations near those demonstrated"
         return self._supported(ConfigurationGoal(np.stack(found), stated))
 
@@ -177,8 +177,13 @@ class ConfigurationQueryBuilder(TransportedQueryBuilder):
         ends = [self._end("start", requested, piece) for requested in found for piece in pieces]
         best = min((end for end in ends if end is not None), key=self._misfit, default=None)
         if best is None:
-            return Verdict(VerdictCode.START_OUT_OF_SUPPORT, f"no configuration near the demonstrated ones: {reason}")
+            return self._unheld("start", reason)
         return best.requested
+
+    def _unheld(self, name: End, reason: str) -> Verdict:
+        """The refusal of a pose that the arm holds in no configuration, and why in none."""
+        held = f"no configuration near the demonstrated ones holds the tool at the {name}: {reason}"
+        return Verdict(self._out_of_support(name), held)
 
     def _configurations_at(self, name: End, pose: Pose) -> tuple[list[np.ndarray], str]:
         """Distinct configurations that hold the tool in a pose, and why there is not one more."""

@@ -22,7 +22,8 @@ from geodesic_motion_ros.obstacles.obstacles import Obstacles
 from geodesic_motion_ros.planning.plan import Plan
 from geodesic_motion_ros.planning.planner import ReactivePlanner
 from geodesic_motion_ros.planning.settings import PlannerSettings
-from geodesic_motion_ros.planning.status import Verdict
+from geodesic_motion_ros.planning.status import Verdict, VerdictCode
+from geodesic_motion_ros.robot.collision_model import CollisionModel, self_clearance
 from geodesic_motion_ros.robot.inverse_kinematics import solve
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.skill.skill import Skill
@@ -31,7 +32,7 @@ pytestmark = pytest.mark.filterwarnings("error::RuntimeWarning")
 
 QUERIES = int(os.environ.get("GEODESIC_QUERIES", "300"))
 SKILLS = ("panda_pouring", "panda_bottle2shelf", "panda_reach_to_grasp", "paper_pouring", "paper_reach")
-SKILLS += ("panda_wide_reach", "panda_insertion")
+SKILLS += ("panda_wide_reach", "panda_insertion", "fr3_reach_to_grasp", "ur5_reach", "iiwa14_reach_to_grasp")
 SKILLS += tuple(filter(None, os.environ.get("GEODESIC_SKILLS", "").split(os.pathsep)))
 #: Of graphs that take long to stand, and to carry to a goal, on the default grid.
 GRIDS = {"paper_reach": (25, 25, 25)}
@@ -58,22 +59,23 @@ class Draw:
         self.poses = np.array([skill.start_pose, skill.goal_pose, *poses])
 
     def configuration(self, random: np.random.Generator) -> np.ndarray:
-        """(7,) [rad]."""
+        """(eta,) [rad]."""
         lower, upper = self.robot.lower, self.robot.upper
         shown, anywhere = random.choice(self.configurations), self.robot.sample(1, random)[0]
-        at_limits = np.where(random.uniform(size=7) < 0.5, lower, upper)
+        at_limits, count = np.where(random.uniform(size=len(lower)) < 0.5, lower, upper), len(lower)
+        in_line = np.eye(count)[[0, 1, -1]].sum(axis=0)
         return self._one(
             random,
             lambda: shown,
-            lambda: np.clip(shown + random.normal(size=7) * 10.0 ** random.uniform(-9.0, 0.0), lower, upper),
+            lambda: np.clip(shown + random.normal(size=count) * 10.0 ** random.uniform(-9.0, 0.0), lower, upper),
             lambda: anywhere,
             lambda: at_limits,
-            lambda: np.where(random.uniform(size=7) < 0.7, at_limits, anywhere),
+            lambda: np.where(random.uniform(size=count) < 0.7, at_limits, anywhere),
             # Stretched, with the axes of the wrist in line.
-            lambda: np.clip(anywhere * [1.0, 1.0, 0.0, 0.0, 0.0, 0.0, 1.0], lower, upper),
+            lambda: np.clip(anywhere * in_line, lower, upper),
             lambda: at_limits * (1.0 + 10.0 ** random.uniform(-16.0, 3.0)),
             lambda: self._spoilt(anywhere, random),
-            lambda: anywhere[:6],
+            lambda: anywhere[:-1],
         )
 
     def pose(self, random: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
@@ -215,3 +217,34 @@ def test_demonstrations_that_end_at_a_joint_limit_are_no_exception() -> None:
     poles[:, 6] = limit
     verdict = planner.set_goal(*planner.robot.forward(poles[0]))
     assert verdict.ok, verdict
+
+
+def test_an_arm_that_touches_itself_where_it_stands_is_named_so() -> None:
+    """With spheres that are larger than the arm's. The control: with its own it sets out."""
+    skill = Skill.load("ur5_reach")
+    robot, own, sheet = Robot.named("ur5"), CollisionModel.named("ur5"), skill.canonical
+    starts, goals = (getattr(sheet, f"{end}_poles")[getattr(sheet, f"{end}_groups")] for end in ("start", "goal"))
+    starts, goal = starts + sheet.start_offsets, goals[0] + sheet.goal_offsets[0]
+    clearances = [self_clearance(own, robot, start)[0] for start in starts]
+    start, least = starts[np.argmin(clearances)], min(clearances)
+    assert least > 0.0
+    verdicts = []
+    for model in (own, replace(own, radii=own.radii + 0.5 * least + 0.001)):
+        planner = ReactivePlanner(skill, collision=model)
+        planner.stand_at(start, 0.0)
+        planner.set_goal_configuration(goal)
+        verdicts.append(planner.tick(0.0).verdict)
+    assert verdicts[0].ok, verdicts[0]
+    assert verdicts[1].code is VerdictCode.IN_COLLISION
+    assert "overlap by 2.0 mm where the arm stands" in verdicts[1].reason
+
+
+def test_a_pose_that_no_configuration_holds_is_refused_with_its_end() -> None:
+    skill = Skill.load("panda_reach_to_grasp")
+    planner = ReactivePlanner(skill)
+    start, goal = np.split(skill.start_pose, [3]), np.split(skill.goal_pose, [3])
+    far = start[0] + [0.0, 0.0, 2.0], start[1]
+    refused = {"start": planner.plan(*far, *goal), "goal": planner.plan(*start, *far)}
+    for end, plan in refused.items():
+        assert plan.verdict.code.name == f"{end.upper()}_OUT_OF_SUPPORT"
+        assert f"holds the tool at the {end}: " in plan.verdict.reason

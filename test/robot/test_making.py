@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from geodesic_motion_ros.robot import making
 from geodesic_motion_ros.robot.collision_bodies import collision_bodies, read_mesh, write_mesh
 from geodesic_motion_ros.robot.collision_model import CollisionModel, self_clearance, tool_spheres
 from geodesic_motion_ros.robot.convex_parts import hull_triangles
@@ -115,6 +116,20 @@ def test_what_turns_just_above_its_table_is_covered_finely(urdf: Path, tmp_path:
         made = make_robot(urdf, "foot", "hook", tmp_path / str(middle), LIMITS, ready=(0.0, 1.0, 1.5, 0.0))
         below[middle] = np.min(made.spheres["mast"][:, 2] - made.spheres["mast"][:, 3]) - (middle - 0.04)
     assert below[0.1] < -0.5 * PROTRUSION - 0.002 < below[-0.055]
+
+
+def test_where_spheres_raise_many_false_alarms_the_arm_is_covered_finely(urdf: Path, tmp_path: Path) -> None:
+    """As if of every pair of links there were many. The control: this arm has few."""
+    overlapping, spheres = [], []
+    for most in (1.0, -1.0):
+        with pytest.MonkeyPatch.context() as patch:
+            patch.setattr(making, "FALSE_ALARMS", most)
+            made = make_robot(urdf, "foot", "hook", tmp_path / str(most), LIMITS)
+        assert made.farthest_outside() <= 0.0
+        overlapping.append(sum(pair.overlapping for pair in made.pairs))
+        spheres.append(np.max(made.spheres["mast"][:, 3]))
+    assert overlapping[1] < overlapping[0]
+    assert spheres[1] < spheres[0]
 
 
 def test_nothing_is_written_over_a_folder(urdf: Path, tmp_path: Path) -> None:

@@ -11,6 +11,8 @@ import numpy as np
 import pytest
 import yaml
 
+from geodesic_motion_ros.robot.collision_model import CollisionModel, self_clearance
+from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.skill.skill import Skill
 from geodesic_motion_ros.utils.errors import SkillError
 
@@ -315,3 +317,17 @@ def test_an_altered_joint_skill_is_refused(joint_folder, damage):
     damage(joint_folder / "weights.safetensors")
     with pytest.raises(SkillError, match=r"weights.safetensors differs from its checksum"):
         Skill.load(joint_folder)
+
+
+@pytest.mark.parametrize(
+    "name",
+    ["panda_reach_to_grasp", "panda_wide_reach", "panda_insertion", "fr3_reach_to_grasp", "ur5_reach",
+     "iiwa14_reach_to_grasp"],
+)  # fmt: skip
+def test_where_a_demonstration_starts_or_ends_the_arm_does_not_touch_itself(name):
+    """An arm stood there, so that spheres which overlap would refuse it without cause."""
+    skill = Skill.load(name)
+    sheet, robot, model = skill.canonical, Robot.named(skill.robot), CollisionModel.named(skill.robot)
+    starts, goals = sheet.start_poles[sheet.start_groups], sheet.goal_poles[sheet.goal_groups]
+    for posture in (*(starts + sheet.start_offsets), *(goals + sheet.goal_offsets)):
+        assert self_clearance(model, robot, posture)[0] > 0.0
