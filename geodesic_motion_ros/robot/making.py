@@ -12,7 +12,7 @@ from xml.etree import ElementTree
 import numpy as np
 import yaml
 
-from geodesic_motion_ros.robot.collision_bodies import Body, collision_bodies, mesh_path, read_mesh, write_mesh
+from geodesic_motion_ros.robot.collision_bodies import Body, collision_bodies, read_mesh, write_mesh
 from geodesic_motion_ros.robot.collision_model import CollisionModel, self_clearance
 from geodesic_motion_ros.robot.convex_parts import convex_parts
 from geodesic_motion_ros.robot.description import FILE
@@ -37,7 +37,7 @@ _FRAME_INERTIA = (
 
 @dataclass(frozen=True)
 class Limits:
-    """What a URDF does not say, (n,) each in SI units; velocity None where the URDF's are right.
+    """What a URDF does not say, (n,) each in SI units.
 
     source : where the numbers are from.
     """
@@ -45,7 +45,6 @@ class Limits:
     acceleration: Sequence[float]
     jerk: Sequence[float]
     source: str
-    velocity: Sequence[float] | None = None
 
 
 @dataclass(frozen=True)
@@ -76,6 +75,7 @@ def make_robot(
 
     Parameters
     ----------
+    urdf : with paths of meshes that are absolute, or relative to it: `plain_urdf`.
     ready : (n,) [rad]; None: a posture is proposed.
     beside : positions [rad, m] of joints beside the chain, as of fingers.
 
@@ -116,8 +116,11 @@ def _write(
     described = {
         "name": name, "urdf": urdf.name, "base_link": robot.base_link, "tool_link": robot.tool_link,
         "limits": "joint_limits.yaml", "limits_source": limits.source, "ready": [float(x) for x in posture],
-        "spheres": "spheres.yaml", "hand": bodies[-1].link,
+        "spheres": "spheres.yaml",
     }  # fmt: skip
+    last = bodies[-1].link
+    if not np.any(robot.chain[3][robot.link_names.index(last) :] >= 0):  # it moves with the tool
+        described["hand"] = last
     if beside:
         described["simulation"] = {"joints": {joint: float(value) for joint, value in beside.items()}}
     (out / FILE).write_text(yaml.safe_dump(described, sort_keys=False, default_flow_style=None, width=110))
@@ -215,7 +218,7 @@ def _convex(collision: ElementTree.Element, urdf: Path, meshes: Path) -> list[El
     mesh = collision.find("geometry/mesh")
     if mesh is None:
         return [collision]
-    source = mesh_path(mesh.get("filename", ""), urdf)
+    source = urdf.parent / mesh.get("filename", "")
     meshes.mkdir(exist_ok=True)
     try:
         parts = convex_parts(read_mesh(source))
@@ -234,10 +237,8 @@ def _write_limits(robot: Robot, limits: Limits, path: Path) -> None:
     table = {}
     for i, joint in enumerate(robot.joint_names):
         table[joint] = {"max_acceleration": float(limits.acceleration[i]), "max_jerk": float(limits.jerk[i])}
-        if limits.velocity is not None:
-            table[joint]["max_velocity"] = float(limits.velocity[i])
     text = yaml.safe_dump({"joint_limits": table}, sort_keys=False, default_flow_style=None)
-    path.write_text(f"# Accelerations [rad/s^2], jerks [rad/s^3], velocities [rad/s]. From: {limits.source}\n{text}")
+    path.write_text(f"# Accelerations [rad/s^2], jerks [rad/s^3]. From: {limits.source}\n{text}")
 
 
 def _spheres_text(spheres: Mapping[str, np.ndarray], pairs: Sequence[LinkPair]) -> str:

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import numpy as np
 import pytest
+import trimesh
 
 from geodesic_motion_ros.robot.collision_bodies import collision_bodies, read_mesh, write_mesh
 from geodesic_motion_ros.robot.collision_model import CollisionModel, self_clearance, tool_spheres
@@ -87,7 +89,8 @@ def test_bodies_are_separated_by_less_than_their_distance(gap: float) -> None:
 @pytest.mark.parametrize(
     ("before", "after", "message"),
     [
-        ("meshes/boom.stl", "meshes/jib.stl", r"mesh 'meshes/jib\.stl' of crane\.urdf is neither"),
+        ("meshes/boom.stl", "meshes/jib.stl", r"mesh .*meshes/jib\.stl cannot be read"),
+        ('scale="2 1 1"', 'scale="2000 1000 1000"', r"link 'boom' is 200 m large, no arm is: a mesh in millimetres"),
         ("<collision>", "<visual>", r"crane\.urdf has no <collision>"),
         ('<sphere radius="0.04"/>', '<cone radius="0.04"/>', "link 'hook' is a <cone>: known are mesh, box"),
         ('type="continuous"', 'type="floating"', "joint 'bend' is of type 'floating'"),
@@ -155,7 +158,11 @@ def test_meshes_are_read_in_their_formats(tmp_path: Path) -> None:
     rows = [b"\0" * 12 + triangle.tobytes() + b"\0\0" for triangle in triangles]
     (tmp_path / "binary.stl").write_bytes(b"\0" * 80 + len(rows).to_bytes(4, "little") + b"".join(rows))
     corners = [" ".join(map(str, corner)) for corner in triangles.reshape(-1, 3)]
-    (tmp_path / "text.stl").write_text("solid\n" + "".join(f"vertex {corner}\n" for corner in corners))
+    facets = [
+        "facet normal 0 0 0\nouter loop\n" + "".join(f"vertex {corner}\n" for corner in three) + "endloop\nendfacet\n"
+        for three in (corners[:3], corners[3:])
+    ]
+    (tmp_path / "text.stl").write_text(f"solid two\n{''.join(facets)}endsolid two\n")
     vertices = "".join(f"v {corner}\n" for corner in corners)
     (tmp_path / "counted.obj").write_text(f"# two\n{vertices}\nf 1/7 2/7 3/7\nf 4//1 5//1 6//1\n")
     (tmp_path / "back.obj").write_text(f"{vertices}f -6 -5 -4\nf -3 -2 -1\n")
@@ -168,6 +175,18 @@ def test_meshes_are_read_in_their_formats(tmp_path: Path) -> None:
         (tmp_path / "broken.obj").write_text(broken)
         with pytest.raises(RobotError, match=r"mesh .*broken\.obj (cannot be read|holds no body)"):
             read_mesh(tmp_path / "broken.obj")
-    (tmp_path / "mesh.dae").write_text("<COLLADA/>")
-    with pytest.raises(RobotError, match=r"of the format \.dae: convert it to STL or OBJ"):
-        read_mesh(tmp_path / "mesh.dae")
+    for broken in ("mesh.dae", "mesh.stl", "mesh.step", "mesh"):
+        (tmp_path / broken).write_bytes(b"\xff" * 300)
+        with pytest.raises(RobotError, match=rf"mesh .*{broken} cannot be read .*: convert it to STL"):
+            read_mesh(tmp_path / broken)
+
+
+@pytest.mark.parametrize(("unit", "metres"), [("meter", 1.0), ("centimeter", 0.01)])
+def test_dae_is_read_in_its_own_unit_whichever_axis_it_calls_up(unit: str, metres: float, tmp_path: Path) -> None:
+    triangles = hull_triangles(np.eye(4, 3))
+    mesh = trimesh.Trimesh(**trimesh.triangles.to_kwargs(triangles), process=False)
+    text = mesh.export(file_type="dae").decode()
+    asset = f'<unit name="{unit}" meter="{metres}"/><up_axis>Y_UP</up_axis>'
+    text = re.sub(r"<unit [^>]*/>|<up_axis>.*</up_axis>", "", text).replace("</asset>", f"{asset}</asset>")
+    (tmp_path / "part.dae").write_text(text)
+    np.testing.assert_allclose(read_mesh(tmp_path / "part.dae"), metres * triangles, atol=1e-9)
