@@ -1,4 +1,4 @@
-"""A robot's file, URDF or xacro, becomes a URDF whose meshes are found; what is missing is named beside what gives it."""
+"""A robot's file, URDF or xacro, becomes a URDF whose meshes are found; what is missing is named, and what gives it."""
 
 from __future__ import annotations
 
