@@ -66,8 +66,9 @@ def add_command(commands: argparse._SubParsersAction) -> None:
     )  # fmt: skip
     parser.add_argument("file", type=Path, metavar="FILE", help="URDF or xacro, with meshes or shapes that collide")
     parser.add_argument(
-        "arguments", type=argument, nargs="*", metavar="NAME:=VALUE", help="of a xacro file, as xacro itself has them"
-    )
+        "arguments", type=argument, nargs="*", metavar="NAME:=VALUE",
+        help="of a xacro file, right behind it, as xacro has them",
+    )  # fmt: skip
     parser.add_argument(
         "--package", type=package, action="append", metavar="NAME=FOLDER",
         help="where a ROS package is that the file names, in $(find NAME) or package://NAME; not needed where it is in "
@@ -118,9 +119,12 @@ def run(arguments: argparse.Namespace) -> None:
             urdf, arguments.base, arguments.tip, arguments.out, Limits(acceleration, jerk, arguments.limits_source),
             arguments.name, arguments.ready, dict(arguments.beside or ()),
         )  # fmt: skip
+    robot = Robot.named(made.folder)
     for link, rows in made.spheres.items():
         names = [body.name for body in made.bodies if body.link == link]
         print(f"{link:24} {len(rows):3} spheres of {', '.join(dict.fromkeys(names))}")
+    if bare := [link for link in robot.link_names if link not in made.spheres]:
+        print(f"without a body in the URDF, and so never kept clear: {', '.join(bare)}")
     print(f"farthest point outside all spheres: {1e3 * max(0.0, made.farthest_outside()):.1f} mm")
     for pair in made.pairs:
         touching, overlapping = 100.0 * pair.touching, 100.0 * pair.overlapping
@@ -129,7 +133,6 @@ def run(arguments: argparse.Namespace) -> None:
             f"kept apart: {' and '.join(pair.links)}; in the postures drawn their bodies nearly touch in "
             f"{touching:.1f} %, their spheres overlap in {overlapping:.1f} %{chosen}"
         )
-    robot = Robot.named(made.folder)
     unit = "rad, m" if any(robot.chain[4]) else "rad"
     print(f"ready: {', '.join(f'{value:.3f}' for value in robot.ready)} {unit}")
     if RobotDescription.named(made.folder).hand is None:

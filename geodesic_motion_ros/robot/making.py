@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-import shutil
 from collections.abc import Mapping, Sequence
 from copy import deepcopy
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from xml.etree import ElementTree
 
 import numpy as np
 import yaml
+from scipy.spatial import ConvexHull, QhullError
 
 from geodesic_motion_ros.robot.collision_bodies import Body, collision_bodies, read_mesh, write_mesh
 from geodesic_motion_ros.robot.collision_model import CollisionModel, self_clearance
@@ -18,7 +19,7 @@ from geodesic_motion_ros.robot.convex_parts import convex_parts
 from geodesic_motion_ros.robot.description import FILE
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.robot.self_pairs import LinkPair, draw_self_pairs
-from geodesic_motion_ros.robot.sphere_cover import DECIMALS, PROTRUSION, file_spheres
+from geodesic_motion_ros.robot.sphere_cover import DECIMALS, PROTRUSION, SPACING, file_spheres
 from geodesic_motion_ros.robot.urdf import read_urdf
 from geodesic_motion_ros.utils.errors import ParameterError, RobotError
 
@@ -26,6 +27,8 @@ HAND_PROTRUSION = 0.02
 """How far [m] spheres of the links that the last joint carries may stick out: they come near things."""
 THINNEST = 0.004
 """Bodies that are too thin for a protrusion are covered with half of it, and so on down to this [m]."""
+MOST_CENTRES = 20_000
+"""Spheres of a body, as of a mobile base, are chosen from so many at most: memory and time grow with the square."""
 POSTURES = 2000
 """Drawn, of which the ready posture is the best."""
 APART = 0.01
@@ -71,7 +74,7 @@ def make_robot(
     ready: Sequence[float] | None = None,
     beside: Mapping[str, float] | None = None,
 ) -> MadeRobot:
-    """Write a robot's folder: a URDF of what moves and collides, its meshes, limits, spheres and pairs.
+    """Write a robot's folder, whole or not at all: a URDF of what moves and collides, meshes, limits, spheres, pairs.
 
     Parameters
     ----------
@@ -84,16 +87,23 @@ def make_robot(
     RobotError : the URDF does not fit, as `Robot.from_urdf` and `collision_bodies`.
     ParameterError : the folder exists, or bodies cannot be covered.
     """
-    if out.exists() and any(out.iterdir()):
-        raise ParameterError(f"{out} exists and is not empty: give another folder")
+    out = out.absolute()
+    if out.exists() and not (out.is_dir() and not any(out.iterdir())):
+        raise ParameterError(f"{out} exists and is no empty folder: give another one")
     source = Robot.from_urdf(urdf, base_link, tool_link)
     posture = None if ready is None else source.checked(np.array(ready))
-    out.mkdir(parents=True, exist_ok=True)
     try:
-        return _write(source, out, limits, name or out.name, posture, beside or {})
-    except BaseException:
-        shutil.rmtree(out)
-        raise
+        out.parent.mkdir(parents=True, exist_ok=True)
+        scratch = TemporaryDirectory(prefix=f".{out.name}-", dir=out.parent)
+    except OSError as error:
+        raise ParameterError(f"{out} cannot be made ({error.strerror}): give another folder") from error
+    with scratch:
+        draft = Path(scratch.name) / "robot"
+        draft.mkdir()
+        made = _write(source, draft, limits, name or out.name, posture, beside or {})
+        Robot.named(draft)  # what cannot be read is no robot
+        draft.replace(out)
+    return replace(made, folder=out)
 
 
 def _write(
@@ -176,6 +186,13 @@ def propose_ready(robot: Robot, model: CollisionModel) -> np.ndarray:
 
 
 def _covered(body: Body, protrusion: float) -> np.ndarray:
+    """Spheres (S, 4) [m] that hold a body and stick out by a protrusion: more, where it has more centres than
+    MOST_CENTRES, and less where it is so thin that it has too few."""
+    try:
+        volume = ConvexHull(body.vertices).volume
+    except QhullError as error:
+        raise RobotError(f"a collision body of link '{body.name}' is flat: it needs a thickness") from error
+    protrusion = max(protrusion, (volume / MOST_CENTRES) ** (1.0 / 3.0) / SPACING)
     while True:
         try:
             return file_spheres(body.vertices, protrusion)
@@ -203,34 +220,34 @@ def _write_urdf(source: Path, path: Path) -> None:
         if link.find("inertial") is None and not collisions:
             # a frame alone; simulators take what says nothing for a kilogramme
             link.append(ElementTree.fromstring(_FRAME_INERTIA))
+        parts = []
         for collision in collisions:
             link.remove(collision)
-            for part in _convex(collision, source, path.parent / "meshes"):
-                shown = deepcopy(part)
-                shown.tag = "visual"
-                link.extend((part, shown))
+            parts += _convex(collision, source)
+        for number, (part, triangles) in enumerate(parts, start=1):
+            if triangles is not None:
+                # called by the link, for meshes of several folders may have one name
+                file = path.parent / "meshes" / f"{link.get('name', '').replace('/', '_')}_{number}.stl"
+                file.parent.mkdir(exist_ok=True)
+                write_mesh(triangles, file)
+                part.find("geometry/mesh").set("filename", f"{file.parent.name}/{file.name}")
+            shown = deepcopy(part)
+            shown.tag = "visual"
+            link.extend((part, shown))
     ElementTree.indent(root)
     path.write_text(f'<?xml version="1.0"?>\n{ElementTree.tostring(root, encoding="unicode")}\n')
 
 
-def _convex(collision: ElementTree.Element, urdf: Path, meshes: Path) -> list[ElementTree.Element]:
-    """A collision body, or one for each convex part of its mesh, whose files are in a folder `meshes` then."""
+def _convex(collision: ElementTree.Element, urdf: Path) -> list[tuple[ElementTree.Element, np.ndarray | None]]:
+    """A collision body, or one for each convex part of its mesh with its triangles (T, 3, 3)."""
     mesh = collision.find("geometry/mesh")
     if mesh is None:
-        return [collision]
+        return [(collision, None)]
     source = urdf.parent / mesh.get("filename", "")
-    meshes.mkdir(exist_ok=True)
     try:
-        parts = convex_parts(read_mesh(source))
+        return [(deepcopy(collision), triangles) for triangles in convex_parts(read_mesh(source))]
     except ValueError as error:
         raise RobotError(f"mesh {source} holds no body: {error}") from error
-    found = []
-    for number, triangles in enumerate(parts, start=1):
-        file = meshes / (f"{source.stem}.stl" if len(parts) == 1 else f"{source.stem}_{number}.stl")
-        write_mesh(triangles, file)
-        found.append(deepcopy(collision))
-        found[-1].find("geometry/mesh").set("filename", f"{meshes.name}/{file.name}")
-    return found
 
 
 def _write_limits(robot: Robot, limits: Limits, path: Path) -> None:

@@ -106,15 +106,19 @@ def _package_name(folder: Path) -> str | None:
 
 
 class _Arguments(dict[str, str]):
-    """Arguments of a xacro file, and those that it declares: for each of them xacro asks whether it was given."""
+    """Arguments of a xacro file, and those that it has: xacro asks for each whether it was given, or what it is."""
 
     def __init__(self, given: Mapping[str, str]) -> None:
         super().__init__(given)
-        self.declared: set[str] = set()
+        self.requested: set[str] = set()
 
     def __contains__(self, name: object) -> bool:
-        self.declared.add(str(name))
+        self.requested.add(str(name))
         return super().__contains__(name)
+
+    def __getitem__(self, name: str) -> str:
+        self.requested.add(name)
+        return super().__getitem__(name)
 
 
 def _expanded(source: Path, arguments: Mapping[str, str], packages: Mapping[str, Path]) -> str:
@@ -153,6 +157,7 @@ def _expanded(source: Path, arguments: Mapping[str, str], packages: Mapping[str,
                 f"--package {absent[0]}=FOLDER"
             ) from error
         raise RobotError(f"{source.name} cannot be expanded by xacro: {error or type(error).__name__}") from error
-    if unknown := sorted(set(arguments) - known.declared):
-        raise RobotError(f"{source.name} has no argument {unknown[0]}; it has {', '.join(sorted(known.declared))}")
+    if unknown := sorted(set(arguments) - known.requested):
+        there = ", ".join(sorted(known.requested)) or "none"
+        raise RobotError(f"{source.name} has no argument {unknown[0]}; it has {there}")
     return document.toxml()

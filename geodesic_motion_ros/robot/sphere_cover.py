@@ -57,13 +57,15 @@ def cover(vertices: np.ndarray, protrusion: float = PROTRUSION) -> np.ndarray:
     # far less than the surface, yet enough to decide between spheres that cover no more of it
     sizes = np.concatenate([sizes, np.full(len(centres), 1e-9 * np.sum(sizes))])
     radii = depths + protrusion
-    inside = np.array([_reaches(centre, pieces) <= radius for centre, radius in zip(centres, radii, strict=True)])
+    inside = np.empty((len(centres), len(pieces)), dtype=bool)
+    for row, centre, radius in zip(inside, centres, radii, strict=True):
+        row[:] = _reaches(centre, pieces) <= radius
     if not np.all(np.any(inside, axis=0)):
         raise ParameterError(
             f"protrusion is {protrusion} m: with centres {SPACING * protrusion:.4f} m apart that do not cover a body "
             f"of {np.round(np.ptp(vertices, axis=0), 3).tolist()} m; take another one"
         )
-    gains = np.sum(inside * sizes, axis=1)
+    gains = np.array([np.sum(row * sizes) for row in inside])
     chosen: list[int] = []
     bare = np.ones(len(pieces), dtype=bool)
     while np.any(bare):
