@@ -192,13 +192,14 @@ def _covered(body: Body, protrusion: float) -> np.ndarray:
         volume = ConvexHull(body.vertices).volume
     except QhullError as error:
         raise RobotError(f"a collision body of link '{body.name}' is flat: it needs a thickness") from error
-    protrusion = max(protrusion, (volume / MOST_CENTRES) ** (1.0 / 3.0) / SPACING)
+    least = max(THINNEST, (volume / MOST_CENTRES) ** (1.0 / 3.0) / SPACING)
+    protrusion = max(protrusion, least)
     while True:
         try:
             return file_spheres(body.vertices, protrusion)
         except ParameterError as error:
             protrusion *= 0.5
-            if protrusion < THINNEST:
+            if protrusion < least:
                 raise ParameterError(f"the collision body of link '{body.name}' cannot be covered: {error}") from error
 
 
