@@ -56,11 +56,11 @@ def cover(vertices: np.ndarray, protrusion: float = PROTRUSION) -> np.ndarray:
     sizes = np.concatenate([sizes, np.full(len(centres), 1e-9 * np.sum(sizes))])
     radii = depths + protrusion
     corners, corner_of = np.unique(triangles.reshape(-1, 3), axis=0, return_inverse=True)
-    corner_of = corner_of.reshape(-1, 3)
+    corner_of = np.ascontiguousarray(corner_of.reshape(-1, 3).T)
 
     def reaches(centre: np.ndarray) -> np.ndarray:
         """Radii (T + G,) [m] from which on a sphere about a centre holds each triangle, and each grid point."""
-        around = np.linalg.norm(corners - centre, axis=1)[corner_of].max(axis=1)
+        around = np.linalg.norm(corners - centre, axis=1)[corner_of].max(axis=0)
         return np.concatenate([around, np.linalg.norm(centres - centre, axis=1)])
 
     inside = np.empty((len(centres), len(sizes)), dtype=bool)
