@@ -127,6 +127,9 @@ def run(arguments: argparse.Namespace) -> None:
         print(f"without a body in the URDF, and so never kept clear: {', '.join(bare)}")
     print(f"farthest point outside all spheres: {1e3 * max(0.0, made.farthest_outside()):.1f} mm")
     for pair in made.pairs:
+        if pair.spheres == ():
+            print(f"not kept apart: {' and '.join(pair.links)}, whose bodies nearly touch in all postures drawn")
+            continue
         touching, overlapping = 100.0 * pair.touching, 100.0 * pair.overlapping
         chosen = "" if pair.spheres is None else f", {len(pair.spheres)} pairs of spheres chosen"
         print(

@@ -52,7 +52,7 @@ class Limits:
 
 @dataclass(frozen=True)
 class MadeRobot:
-    """What was made: the folder, the bodies of the URDF, the spheres (S, 4) [m] by link, and the pairs kept apart."""
+    """What was made: the folder, the bodies of the URDF, the spheres (S, 4) [m] by link, and the pairs that touch."""
 
     folder: Path
     bodies: tuple[Body, ...]
@@ -117,7 +117,7 @@ def _write(
     bodies = collision_bodies(robot, beside)
     spheres = cover_bodies(robot, bodies)
     pairs = draw_self_pairs(robot, spheres, bodies)
-    (out / "spheres.yaml").write_text(_spheres_text(spheres, pairs))
+    (out / "spheres.yaml").write_text(_spheres_text(spheres, [pair for pair in pairs if pair.spheres != ()]))
     model = CollisionModel.load(out / "spheres.yaml", robot)
     posture = propose_ready(robot, model) if posture is None else posture
     clearance, (one, other) = self_clearance(model, robot, posture)

@@ -17,7 +17,7 @@ from geodesic_motion_ros.robot.convex_parts import hull_triangles
 from geodesic_motion_ros.robot.description import RobotDescription
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.robot.making import Limits, cover_bodies, make_robot
-from geodesic_motion_ros.robot.self_pairs import separated
+from geodesic_motion_ros.robot.self_pairs import draw_self_pairs, separated
 from geodesic_motion_ros.robot.sphere_cover import PROTRUSION
 from geodesic_motion_ros.utils.errors import ParameterError, RobotError
 
@@ -88,6 +88,19 @@ def test_bodies_that_do_meet_are_kept_apart(urdf: Path, tmp_path: Path) -> None:
     assert ("mast", "boom") not in pairs
     robot, model = Robot.named(made.folder), CollisionModel.named(made.folder)
     assert self_clearance(model, robot, np.array([0.0, -0.4, 2.6, 0.0]))[0] < 0.0
+
+
+def test_bodies_that_always_meet_are_not_kept_apart(urdf: Path) -> None:
+    """No posture would be left. The control: a body that the jib meets in some."""
+    robot = Robot.from_urdf(urdf, "foot", "hook")
+    corners = np.stack(np.meshgrid(*[[-1.0, 1.0]] * 3, indexing="ij"), axis=-1).reshape(-1, 3)
+    jib = 0.02 * corners + [0.1, 0.0, 0.0]
+    for size, always in ((0.5, True), (0.12, False)):
+        bodies = [Body("mast", "mast", size * corners), Body("jib", "jib", jib)]
+        spheres = {"mast": np.array([[0, 0, 0, 2.0 * size]]), "jib": np.array([[0.1, 0, 0, 0.04]])}
+        (pair,) = draw_self_pairs(robot, spheres, bodies, draws=400)
+        assert pair.links == ("mast", "jib")
+        assert (pair.spheres == ()) == always
 
 
 @pytest.mark.parametrize("gap", [0.001, 0.02])
