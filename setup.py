@@ -42,12 +42,15 @@ setup(
         "numba",
         "numpy",
         "pillow",
+        "pycollada",  # lets trimesh read .dae
         "PyYAML",
         "rich",
         "rosbags",  # reads bags of ROS 1 and ROS 2 without either, where people record and train
         "safetensors",
         "scipy",
         "tqdm",
+        "trimesh",  # reads the meshes that collide, in every format that URDFs name
+        "xacro",  # ROS's own, expands xacro files without a ROS
     ],
     extras_require={
         "ros": ["ros-jazzy-rclpy[fastrtps]", "ros-jazzy-common-interfaces"],

@@ -92,6 +92,10 @@ def run(arguments: argparse.Namespace) -> None:
             raise ParameterError(f"--html is of skills, {path} is a recording: `train` writes one of what it learns")
         run_recording(arguments, path)
         return
+    if path.is_dir() and not (path / DESCRIPTION).exists():
+        raise ParameterError(
+            f"{path} holds neither a skill ({DESCRIPTION}) nor a recording (metadata.yaml, .mcap, .db3 of a bag; .csv)"
+        )
     skill = Skill.load(arguments.skill)
     described = describe(skill)
     _print(described)

@@ -4,14 +4,15 @@ from __future__ import annotations
 
 import argparse
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 from geodesic_motion_ros.cli.arguments import HelpFormatter
 from geodesic_motion_ros.utils.errors import ParameterError
 
 _DESCRIPTION = """\
-Make the folder that a robot is to this package, out of a URDF (run xacro first where it is one): its collision bodies
-are cut into convex parts and covered with spheres, pairs that can meet are drawn, a ready posture is proposed. Look at
-the picture, then name the folder in the place of a robot's name: `train --robot DIR`.
+Make the folder that a robot is to this package, out of a URDF or a xacro file: its collision bodies are cut into convex
+parts and covered with spheres, pairs that can meet are drawn, a ready posture is proposed. Look at the picture, then
+name the folder in the place of a robot's name: `train --robot DIR`.
 """
 _EPILOG = """\
 examples:
@@ -19,6 +20,8 @@ examples:
       --acceleration 10 --jerk 1000 --limits-source "data sheet of the maker, page 12"
   geodesic-motion robot arm.urdf --base base_link --tip tool0 --out robots/arm --acceleration 5,5,7,7,9,9 --jerk 500 \\
       --beside finger=0.02 --ready 0,-1.57,1.57,0,1.57,0 --limits-source "measured"
+  geodesic-motion robot arm.urdf.xacro hand:=true --package arm_description=src/arm_description --base base_link \
+      --tip tool0 --out robots/arm --acceleration 10 --jerk 1000 --limits-source "chosen"
 """
 
 
@@ -39,21 +42,49 @@ def position(text: str) -> tuple[str, float]:
         raise argparse.ArgumentTypeError(f"'{text}' is not a joint with its position, like finger=0.02") from None
 
 
+def argument(text: str) -> tuple[str, str]:
+    """A name and its value out of "hand:=true"."""
+    name, separator, value = text.partition(":=")
+    if not (name and separator):
+        raise argparse.ArgumentTypeError(f"'{text}' is not an argument of a xacro file, like hand:=true")
+    return name, value
+
+
+def package(text: str) -> tuple[str, Path]:
+    """A ROS package and its folder out of "arm_description=src/arm_description"."""
+    name, _, folder = text.partition("=")
+    if not (name and folder and Path(folder).is_dir()):
+        raise argparse.ArgumentTypeError(f"'{text}' is not a package with a folder that exists, NAME=FOLDER")
+    return name, Path(folder)
+
+
 def add_command(commands: argparse._SubParsersAction) -> None:
     """Add the command to the parser of the command line."""
     parser = commands.add_parser(
         "robot", help="a robot of your own, out of its URDF",
         description=_DESCRIPTION, epilog=_EPILOG, formatter_class=HelpFormatter,
     )  # fmt: skip
-    parser.add_argument("urdf", type=Path, metavar="FILE.urdf", help="with collision meshes (.stl, .obj) or shapes")
+    parser.add_argument("file", type=Path, metavar="FILE", help="URDF or xacro, with meshes or shapes that collide")
+    parser.add_argument(
+        "arguments", type=argument, nargs="*", metavar="NAME:=VALUE",
+        help="of a xacro file, right behind it, as xacro has them",
+    )  # fmt: skip
+    parser.add_argument(
+        "--package", type=package, action="append", metavar="NAME=FOLDER",
+        help="where a ROS package is that the file names, in $(find NAME) or package://NAME; not needed where it is in "
+        "a folder around the file, or ROS is sourced",
+    )  # fmt: skip
     parser.add_argument("--base", required=True, metavar="LINK", help="where the chain begins, and all poses' frame")
     parser.add_argument("--tip", required=True, metavar="LINK", help="the link that skills move")
     parser.add_argument("--out", type=Path, required=True, metavar="DIR", help="the folder to make")
     parser.add_argument("--name", help="what the robot is called; as its folder without it")
     each = "one number for all joints, or one for each joint"
-    parser.add_argument("--acceleration", type=numbers, metavar="A", help=f"limits [rad/s^2], {each}")
-    parser.add_argument("--jerk", type=numbers, metavar="J", help=f"limits [rad/s^3], {each}")
-    parser.add_argument("--velocity", type=numbers, metavar="V", help=f"limits [rad/s] in place of the URDF's, {each}")
+    parser.add_argument("--acceleration", type=numbers, metavar="A", help=f"limits [rad/s^2, m/s^2], {each}")
+    parser.add_argument("--jerk", type=numbers, metavar="J", help=f"limits [rad/s^3, m/s^3], {each}")
+    parser.add_argument(
+        "--velocity", type=numbers, metavar="V",
+        help=f"limits [rad/s, m/s] where the URDF has none, or wrong ones, {each}",
+    )  # fmt: skip
     parser.add_argument("--limits-source", metavar="TEXT", help="where these limits are from")
     parser.add_argument("--ready", type=numbers, metavar="Q", help="a comfortable posture [rad]; proposed without it")
     parser.add_argument(
@@ -65,42 +96,58 @@ def add_command(commands: argparse._SubParsersAction) -> None:
 
 def run(arguments: argparse.Namespace) -> None:
     """Make the folder, say how good it is, draw it."""
+    from geodesic_motion_ros.robot.description import RobotDescription
     from geodesic_motion_ros.robot.kinematics import Robot
     from geodesic_motion_ros.robot.making import Limits, make_robot
+    from geodesic_motion_ros.robot.robot_file import limit_velocities, plain_urdf
+    from geodesic_motion_ros.robot.urdf import moving_joints
     from geodesic_motion_ros.visualization.robot_view import draw_spheres
 
-    joints = Robot.from_urdf(arguments.urdf, arguments.base, arguments.tip).joint_names
-    wanted = ("acceleration", "jerk", "limits_source")
-    if missing := [f"--{name.replace('_', '-')}" for name in wanted if getattr(arguments, name) is None]:
-        raise ParameterError(
-            f"a URDF says nothing of accelerations and jerks: give {', '.join(missing)} for {', '.join(joints)}"
-        )
-    limits = {name: _each(name, getattr(arguments, name), joints) for name in ("acceleration", "jerk", "velocity")}
-    made = make_robot(
-        arguments.urdf, arguments.base, arguments.tip, arguments.out, Limits(source=arguments.limits_source, **limits),
-        arguments.name, arguments.ready, dict(arguments.beside or ()),
-    )  # fmt: skip
+    with TemporaryDirectory() as folder:
+        urdf = plain_urdf(arguments.file, Path(folder), dict(arguments.arguments), dict(arguments.package or ()))
+        joints = moving_joints(urdf, arguments.base, arguments.tip)
+        if arguments.velocity is not None:
+            limit_velocities(urdf, dict(zip(joints, _each("velocity", arguments.velocity, joints), strict=True)))
+        Robot.from_urdf(urdf, arguments.base, arguments.tip)
+        wanted = ("acceleration", "jerk", "limits_source")
+        if missing := [f"--{name.replace('_', '-')}" for name in wanted if getattr(arguments, name) is None]:
+            raise ParameterError(
+                f"a URDF says nothing of accelerations and jerks: give {', '.join(missing)} for {', '.join(joints)}"
+            )
+        acceleration, jerk = (_each(name, getattr(arguments, name), joints) for name in ("acceleration", "jerk"))
+        made = make_robot(
+            urdf, arguments.base, arguments.tip, arguments.out, Limits(acceleration, jerk, arguments.limits_source),
+            arguments.name, arguments.ready, dict(arguments.beside or ()),
+        )  # fmt: skip
+    robot = Robot.named(made.folder)
     for link, rows in made.spheres.items():
         names = [body.name for body in made.bodies if body.link == link]
         print(f"{link:24} {len(rows):3} spheres of {', '.join(dict.fromkeys(names))}")
+    if bare := [link for link in robot.link_names if link not in made.spheres]:
+        print(f"without a body in the URDF, and so never kept clear: {', '.join(bare)}")
     print(f"farthest point outside all spheres: {1e3 * max(0.0, made.farthest_outside()):.1f} mm")
     for pair in made.pairs:
+        if pair.spheres == ():
+            print(f"not kept apart: {' and '.join(pair.links)}, whose bodies nearly touch in all postures drawn")
+            continue
         touching, overlapping = 100.0 * pair.touching, 100.0 * pair.overlapping
         chosen = "" if pair.spheres is None else f", {len(pair.spheres)} pairs of spheres chosen"
         print(
             f"kept apart: {' and '.join(pair.links)}; in the postures drawn their bodies nearly touch in "
             f"{touching:.1f} %, their spheres overlap in {overlapping:.1f} %{chosen}"
         )
-    robot = Robot.named(made.folder)
-    print(f"ready: {', '.join(f'{value:.3f}' for value in robot.ready)} rad")
+    unit = "rad, m" if any(robot.chain[4]) else "rad"
+    print(f"ready: {', '.join(f'{value:.3f}' for value in robot.ready)} {unit}")
+    if RobotDescription.named(made.folder).hand is None:
+        print(f"no body moves with {arguments.tip}: write tool_spheres into robot.yaml for skills of tool poses")
+    if len(joints) not in (6, 7):
+        print(f"inverse kinematics is of six or seven joints, this arm has {len(joints)}: give it no poses of its tool")
     draw_spheres(robot, made.bodies, made.spheres, made.folder / "spheres.png")
     print(f"wrote the robot to {made.folder}, its picture to {made.folder / 'spheres.png'}")
 
 
-def _each(name: str, values: tuple[float, ...] | None, joints: tuple[str, ...]) -> tuple[float, ...] | None:
+def _each(name: str, values: tuple[float, ...], joints: tuple[str, ...]) -> tuple[float, ...]:
     """One limit for each joint."""
-    if values is None:
-        return None
     if len(values) not in (1, len(joints)) or not all(0.0 < value < float("inf") for value in values):
         raise ParameterError(f"--{name}: expected a positive number, or {len(joints)} of them for {', '.join(joints)}")
     return values if len(values) > 1 else values * len(joints)

@@ -28,6 +28,12 @@ JOINTS, POSES = "sensor_msgs/msg/JointState", "geometry_msgs/msg/PoseStamped"
 TRANSFORMS = ("tf2_msgs/msg/TFMessage", "tf/msg/tfMessage")
 EMPTY, BOOL, STRING = "std_msgs/msg/Empty", "std_msgs/msg/Bool", "std_msgs/msg/String"
 STATIC = "/tf_static"
+#: What saves the messages of a damaged file, by its ending.
+_REMEDIES = {
+    ".db3": "`sqlite3 FILE .recover | sqlite3 NEW.db3`",
+    ".mcap": "`mcap recover FILE -o NEW.mcap`",
+    ".bag": "`rosbag reindex FILE`",
+}
 #: Of one topic: half an hour at 1 kHz.
 MOST_MESSAGES = 2_000_000
 #: Frames from the base to the tool.
@@ -70,11 +76,13 @@ class BagTake:
     """A take out of a bag, what was found while reading it, and what marks demonstrations in it.
 
     markers : times [s] as in the take, and the values: None of Empty, True or False of Bool, the text of String.
+    frame : of poses, as their headers have it; "" of others, and where these have none.
     """
 
     take: Take
     flaws: tuple[Flaw, ...]
     markers: tuple[tuple[float, bool | str | None], ...] = ()
+    frame: str = ""
 
 
 @dataclass(frozen=True)
@@ -107,11 +115,11 @@ def chosen_source(path: Path, requested: str | None) -> tuple[Source, Topic]:
         several could be meant.
     """
     there = topics(path)
-    listed = ", ".join(map(str, there)) or "none"
+    listed = ", ".join(map(str, there)) or "no topics"
     if requested is None:
         usable = [topic for topic in there if topic.kind in (JOINTS, POSES) and topic.count]
         if len(usable) != 1:
-            several = "several topics" if usable else "no topic"
+            several = "several topics" if usable else "no topic with messages"
             raise DemonstrationError(
                 f"{path}: {several} of joint states or poses; say which with --topic (transforms: /tf:BASE:TOOL). "
                 f"The bag has {listed}"
@@ -155,12 +163,15 @@ def read_take(path: Path, source: Source, joint_names: Sequence[str] = (), marke
     with _opened(path) as bag:
         kind = bag.kind(source.topic)
         messages = bag.messages(source.topic)
+        passed_over: tuple[Flaw, ...] = ()
+        frame = ""
         if kind == JOINTS:
-            received, stamps, values = _joints(messages, tuple(joint_names), path)
-            names = tuple(joint_names)
+            samples = _joints(messages, tuple(joint_names), path)
+            received, stamps, values = samples.arrays()
+            names, passed_over = tuple(joint_names), samples.passed_over(path.stem)
         elif kind == POSES:
             received, stamps, values = _poses(messages)
-            names = POSE
+            names, frame = POSE, _only_frame(messages, path)
         else:
             static = bag.messages(STATIC) if bag.has(STATIC) and source.topic != STATIC else []
             received, stamps, values = _transforms([*static, *messages], source, path)
@@ -171,16 +182,17 @@ def read_take(path: Path, source: Source, joint_names: Sequence[str] = (), marke
         values = np.hstack([values[:, :3], continuous_signs(values[:, 3:])])
     at = np.interp([mark.received for mark in marks], received, seconds) if marks else []
     markers = tuple((float(time), getattr(mark.content, "data", None)) for time, mark in zip(at, marks, strict=True))
-    return BagTake(Take(path.stem, seconds, values, names), flaws, markers)
+    return BagTake(Take(path.stem, seconds, values, names), (*flaws, *passed_over), markers, frame)
 
 
-def _joints(messages: list[_Message], names: tuple[str, ...], path: Path) -> Samples:
+def _joints(messages: list[_Message], names: tuple[str, ...], path: Path) -> JointSamples:
     samples = JointSamples(names)
     for message in messages:
         samples.add(message.received, message.content)
     if not len(samples):
-        raise DemonstrationError(f"{path}: {samples.lacking()}")
-    return samples.arrays()
+        question = "; are they those of another robot? Name it with --robot" if samples.unnamed else ""
+        raise DemonstrationError(f"{path}: {samples.lacking()}{question}")
+    return samples
 
 
 def _poses(messages: list[_Message]) -> Samples:
@@ -189,6 +201,19 @@ def _poses(messages: list[_Message]) -> Samples:
         pose = message.content.pose
         rows.append((message.received, stamp_of(message.content.header), _pose(pose.position, pose.orientation)))
     return stacked(rows)
+
+
+def _only_frame(messages: list[_Message], path: Path) -> str:
+    """The frame of all poses; DemonstrationError: there are several."""
+    frames = [_frame(message.content.header.frame_id) for message in messages]
+    for message, frame in zip(messages, frames, strict=True):
+        if frame != frames[0]:
+            since = (message.received - messages[0].received) / 1e9
+            raise DemonstrationError(
+                f"{path}: the poses are in {brief(frames[0])}, and from {since:.2f} s on in {brief(frame)}: they must "
+                "be in one frame, the robot's base"
+            )
+    return frames[0]
 
 
 def _transforms(messages: list[_Message], source: Source, path: Path) -> Samples:
@@ -281,8 +306,18 @@ class _Bag:
         for reader in self._readers:
             own = [each for each in reader.connections if each.topic == topic and each.msgtype == kind]
             if own:
-                read += [_Message(time, self._decode(data, kind)) for _, time, data in reader.messages(own)]
+                read += [self._message(own[0], time, data) for _, time, data in reader.messages(own)]
         return sorted(read, key=lambda message: message.received)
+
+    def _message(self, connection: Any, received: int, data: bytes) -> _Message:
+        try:
+            return _Message(received, self._decode(data, connection.msgtype))
+        except Exception as error:  # on rubbish the decoder raises what its step at hand happens to raise
+            since = (received - min(reader.start_time for reader in self._readers)) / 1e9
+            raise DemonstrationError(
+                f"a message on {connection.topic}, {since:.2f} s after the bag begins, is damaged or no "
+                f"{connection.msgtype} ({_reason(error)})"
+            ) from error
 
 
 @contextmanager
@@ -312,8 +347,22 @@ def _opened(path: Path) -> Iterator[_Bag]:
     except DemonstrationError as error:
         raise error if str(error).startswith(str(path)) else DemonstrationError(f"{path}: {error}") from error
     except Exception as error:
-        why = brief(" ".join(str(error).split()), 160) if str(error) else type(error).__name__
-        raise DemonstrationError(f"{path}: is no readable bag, damaged or cut short ({why})") from error
+        raise DemonstrationError(
+            f"{path}: is no readable bag, damaged or cut short ({_reason(error)}){_remedy(path)}"
+        ) from error
+
+
+def _reason(error: Exception) -> str:
+    return brief(" ".join(str(error).split()), 160) if str(error) else type(error).__name__
+
+
+def _remedy(path: Path) -> str:
+    """What saves the messages of a damaged bag; "" where its files are not there."""
+    files = _storage_files(path) if path.is_dir() else [path]
+    if not files:
+        return ""
+    reindexed = "its metadata.yaml by `ros2 bag reindex`, " if path.is_dir() else ""
+    return f"; perhaps it can be saved: {reindexed}its messages by {_REMEDIES[files[0].suffix.lower()]}"
 
 
 def _storage_files(folder: Path) -> list[Path]:

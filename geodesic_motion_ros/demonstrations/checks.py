@@ -16,8 +16,13 @@ LATEST_TIME = 1e10
 """Seconds since 1970 are below 2e9; larger times are milliseconds or nanoseconds."""
 
 
-def columns(array: np.ndarray, names: Sequence[str], demonstration: str) -> np.ndarray:
-    """A float64 copy of shape (T, len(names)), every value finite; DemonstrationError otherwise."""
+def columns(
+    array: np.ndarray, names: Sequence[str], demonstration: str, times: np.ndarray | None = None
+) -> np.ndarray:
+    """A float64 copy of shape (T, len(names)), every value finite; DemonstrationError otherwise.
+
+    times : (T,) [s], named where they are known.
+    """
     copy = np.array(array, dtype=float)
     if copy.ndim != 2 or copy.shape[1] != len(names):
         raise DemonstrationError(
@@ -27,9 +32,10 @@ def columns(array: np.ndarray, names: Sequence[str], demonstration: str) -> np.n
     bad = np.argwhere(~np.isfinite(copy))
     if len(bad):
         sample, column = bad[0]
+        when = "" if times is None else f", at {times[sample]:.2f} s"
         raise DemonstrationError(
             f"demonstration '{demonstration}', sample {sample}, column {names[column]}: "
-            f"{copy[sample, column]} is not a finite number ({len(bad)} such value(s) in these columns)"
+            f"{copy[sample, column]} is not a finite number ({len(bad)} such value(s) in these columns){when}"
         )
     return copy
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +15,8 @@ from geodesic_motion_ros.demonstrations.readers import demonstrations_of, joint_
 from geodesic_motion_ros.demonstrations.splitting import Split, split
 from geodesic_motion_ros.demonstrations.takes import Action, Flaw, Take
 from geodesic_motion_ros.geometry.curves import arc_length
+from geodesic_motion_ros.robot.description import RobotDescription
+from geodesic_motion_ros.utils.checked_files import brief
 from geodesic_motion_ros.utils.errors import DemonstrationError
 
 #: With a larger share of demonstrations left out, the recording is another one than it was taken for.
@@ -57,7 +59,7 @@ class Recording:
         for path in paths:
             source, found = bags.chosen_source(path, topic)
             names = _joint_names(robot) if found.kind == bags.JOINTS else ()
-            reads.append(bags.read_take(path, source, names, how.marker))
+            reads.append(_in_base(bags.read_take(path, source, names, how.marker), robot))
         takes = [read.take for read in reads]
         if len({take.of_joints for take in takes}) > 1:
             raise DemonstrationError("some of the bags have joints and some have poses: name one topic with --topic")
@@ -159,6 +161,16 @@ class Recording:
 
         tool = demonstrations.tool_demonstrations(Robot.named(self.robot))
         return find_strangers(tool, [item.configurations[[0, -1]] for item in demonstrations])
+
+
+def _in_base(read: bags.BagTake, robot: str) -> bags.BagTake:
+    """The take, and the question where its poses are in another frame than the robot's base."""
+    base = RobotDescription.named(robot).base_link
+    if read.frame in ("", base):
+        return read
+    how = f"taken for poses in {base}, the base of {robot}: are they? Otherwise --topic /tf:{base}:TOOL_FRAME"
+    flaw = Flaw(read.take.name, 0.0, f"has poses in the frame {brief(read.frame)}", Action.KEPT, how)
+    return replace(read, flaws=(*read.flaws, flaw))
 
 
 def _joint_names(robot: str) -> tuple[str, ...]:

@@ -111,8 +111,9 @@ def split(
         flaws += back
         motions = [part.part(slice(None), f"{take.name}_{number}") for number, part in enumerate(motions)]
     if not motions:
+        lasting = float(take.times[-1] - take.times[0])
         listed = "; ".join(map(str, flaws)) or f"nothing in it moves between standstills of {how.pause:g} s"
-        raise DemonstrationError(f"{take.name}: {listed}")
+        raise DemonstrationError(f"{take.name}: {listed}; it has {len(take)} samples in {lasting:.1f} s")
     return motions, flaws
 
 

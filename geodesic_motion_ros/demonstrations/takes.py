@@ -32,8 +32,8 @@ class Take:
     names: tuple[str, ...]
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "values", columns(self.values, self.names, self.name))
         object.__setattr__(self, "times", times_in_seconds(self.times, self.name))
+        object.__setattr__(self, "values", columns(self.values, self.names, self.name, self.times))
 
     def __len__(self) -> int:
         return len(self.times)

@@ -1,16 +1,14 @@
 """What an arm collides with, out of its URDF: convex bodies, each fixed to a link of the chain.
 
-Meshes are read from STL (binary or ASCII) and OBJ files; of boxes, cylinders and spheres points are taken that hold
-them. Every body stands for its convex hull; what is not convex is cut before (`convex_parts`). Links beside the chain,
-as fingers, belong to the link that carries them, their joints at given positions (mimic joints follow theirs).
+Meshes are read by the library `trimesh`; of boxes, cylinders and spheres points are taken that hold them. Every body
+stands for its convex hull; what is not convex is cut before (`convex_parts`). Links beside the chain, as fingers,
+belong to the link that carries them, their joints at given positions (mimic joints follow theirs).
 """
 
 from __future__ import annotations
 
-import re
 from collections.abc import Mapping
 from dataclasses import dataclass
-from itertools import pairwise
 from pathlib import Path
 from xml.etree import ElementTree
 
@@ -23,7 +21,8 @@ from geodesic_motion_ros.utils.errors import RobotError
 
 SIDES = 24
 """Of the prism that stands for a cylinder, around it."""
-_STL_TRIANGLE = np.dtype([("normal", "<f4", 3), ("vertices", "<f4", (3, 3)), ("colour", "<u2")])
+LARGEST = 5.0
+"""Of a body [m]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,7 +50,7 @@ def collision_bodies(robot: Robot, beside: Mapping[str, float] | None = None) ->
 
     Raises
     ------
-    RobotError : a mesh is missing or of another format, a shape is unknown, `beside` names no joint, or the URDF says
+    RobotError : a mesh cannot be read, a shape is unknown or too large, `beside` names no joint, or the URDF says
         nothing of what collides.
     """
     root, positions = read_urdf(robot.urdf), dict(beside or {})
@@ -70,6 +69,11 @@ def collision_bodies(robot: Robot, beside: Mapping[str, float] | None = None) ->
             vertices = _vertices(collision, link.get("name"), robot.urdf)
             turned, offset = read_origin(collision, f"a collision body of link '{link.get('name')}'")
             in_link = vertices @ turned.T + offset
+            if (size := float(np.max(np.ptp(in_link, axis=0)))) > LARGEST:
+                raise RobotError(
+                    f"a collision body of link '{link.get('name')}' is {size:.3g} m large, no arm is: a mesh in "
+                    'millimetres needs scale="0.001 0.001 0.001"'
+                )
             found.append(Body(link.get("name"), carrier, in_link @ rotation.T + origin))
     if not found:
         raise RobotError(f"{robot.urdf.name} has no <collision> on the chain: spheres need meshes or shapes")
@@ -77,66 +81,36 @@ def collision_bodies(robot: Robot, beside: Mapping[str, float] | None = None) ->
     return tuple(sorted(found, key=lambda body: order(body.link)))
 
 
-def mesh_path(name: str, urdf: Path) -> Path:
-    """Where the file of a mesh is: relative to the URDF, or `package://` below one of the folders around it.
+def read_mesh(path: Path) -> np.ndarray:
+    """Triangles (T, 3, 3) of a mesh, of .dae in metres, of other formats that `trimesh` reads in the file's units.
 
     Raises
     ------
-    RobotError : it is in none of these places.
+    RobotError : it cannot be read, or no body is in it.
     """
-    bare = re.sub(r"^(package://|model://|file://)", "", name)
-    places = [Path(bare), urdf.parent / bare]
-    if name.startswith(("package://", "model://")):
-        inside = bare.partition("/")[2]
-        places += [folder / part for folder in urdf.resolve().parents for part in (bare, inside)]
-    for place in places:
-        if place.is_file():
-            return place
-    raise RobotError(f"mesh {name!r} of {urdf.name} is neither beside the URDF nor in a folder above")
+    # loaded here, for robots whose folders are made do without
+    import trimesh
 
-
-def read_mesh(path: Path) -> np.ndarray:
-    """Triangles (T, 3, 3) of an STL or OBJ file, in its units. RobotError: another format, or no body in it."""
-    content, kind = path.read_bytes(), path.suffix.lower()
     try:
-        if kind == ".obj":
-            triangles = _obj_triangles(content.decode(errors="replace"))
-        elif kind == ".stl" and len(content) == 84 + 50 * int.from_bytes(content[80:84], "little"):
-            triangles = np.frombuffer(content[84:], _STL_TRIANGLE)["vertices"].astype(float)
-        elif kind == ".stl":
-            rows = re.findall(r"vertex\s+(\S+)\s+(\S+)\s+(\S+)", content.decode(errors="replace"))
-            triangles = np.array(rows, dtype=float).reshape(-1, 3, 3)
-        else:
-            raise RobotError(f"mesh {path} is of the format {kind or 'unknown'}: convert it to STL or OBJ")
-    except (ValueError, IndexError) as error:
-        raise RobotError(f"mesh {path} cannot be read: {error}") from error
+        scene = trimesh.load_scene(path, process=False, skip_materials=True)
+        triangles = scene.to_mesh().triangles
+        # as viewers of URDFs have it, .dae files count in their own unit, and which axis they call up does not
+        in_metres = trimesh.units.unit_conversion(scene.units, "meters") if path.suffix.lower() == ".dae" else 1.0
+    except Exception as error:  # each format's parser raises others
+        # trimesh goes on to rarer kinds of a format that it cannot read, and to the libraries that these need
+        reason = "damaged, or of an unknown kind" if isinstance(error, ImportError) else error
+        raise RobotError(f"mesh {path} cannot be read ({reason}): convert it to STL") from error
+    triangles = in_metres * triangles
     if len(triangles) < 2 or not np.all(np.isfinite(triangles)):
         raise RobotError(f"mesh {path} holds no body: it has {len(triangles)} triangles, or one that is not finite")
     return triangles
 
 
 def write_mesh(triangles: np.ndarray, path: Path) -> None:
-    """Triangles (T, 3, 3), seen from outside counter-clockwise, as a binary STL file."""
-    rows = np.zeros(len(triangles), dtype=_STL_TRIANGLE)
-    rows["vertices"] = triangles
-    # PyBullet draws a mesh without normals in black
-    normals = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
-    rows["normal"] = normals / np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), np.finfo(float).tiny)
-    path.write_bytes(bytes(80) + len(rows).to_bytes(4, "little") + rows.tobytes())
+    """Triangles (T, 3, 3), seen from outside counterclockwise, as a binary STL file with normals."""
+    import trimesh
 
-
-def _obj_triangles(text: str) -> np.ndarray:
-    """Triangles (T, 3, 3) of the faces of an OBJ file; corners count from 1, or back from the last vertex so far."""
-    vertices: list[list[float]] = []
-    corners: list[tuple[int, int, int]] = []
-    for word, *rest in filter(None, map(str.split, text.splitlines())):
-        if word == "v":
-            vertices.append([float(value) for value in rest[:3]])
-        elif word == "f":
-            numbers = [int(corner.partition("/")[0]) for corner in rest]
-            face = [number - 1 if number > 0 else len(vertices) + number for number in numbers]
-            corners += [(face[0], one, other) for one, other in pairwise(face[1:])]
-    return np.array(vertices).reshape(-1, 3)[np.array(corners, dtype=int).reshape(-1, 3)]
+    trimesh.Trimesh(**trimesh.triangles.to_kwargs(triangles), process=False).export(path, file_type="stl")
 
 
 def _carried(
@@ -179,7 +153,7 @@ def _vertices(collision: ElementTree.Element, link: str, urdf: Path) -> np.ndarr
     if shape is None:
         raise RobotError(f"{subject} has no geometry")
     if shape.tag == "mesh":
-        triangles = read_mesh(mesh_path(shape.get("filename", ""), urdf))
+        triangles = read_mesh(urdf.parent / shape.get("filename", ""))
         vertices = np.unique(triangles.reshape(-1, 3), axis=0)
         return vertices * read_floats(shape.get("scale", "1 1 1"), 3, f"scale of {subject}")
     signs = np.stack(np.meshgrid(*[[-1.0, 1.0]] * 3, indexing="ij"), axis=-1).reshape(-1, 3)

@@ -2,23 +2,24 @@
 
 from __future__ import annotations
 
-import shutil
 from collections.abc import Mapping, Sequence
 from copy import deepcopy
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from xml.etree import ElementTree
 
 import numpy as np
 import yaml
+from scipy.spatial import ConvexHull, QhullError
 
-from geodesic_motion_ros.robot.collision_bodies import Body, collision_bodies, mesh_path, read_mesh, write_mesh
+from geodesic_motion_ros.robot.collision_bodies import Body, collision_bodies, read_mesh, write_mesh
 from geodesic_motion_ros.robot.collision_model import CollisionModel, self_clearance
 from geodesic_motion_ros.robot.convex_parts import convex_parts
 from geodesic_motion_ros.robot.description import FILE
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.robot.self_pairs import LinkPair, draw_self_pairs
-from geodesic_motion_ros.robot.sphere_cover import DECIMALS, PROTRUSION, file_spheres
+from geodesic_motion_ros.robot.sphere_cover import DECIMALS, PROTRUSION, SPACING, file_spheres
 from geodesic_motion_ros.robot.urdf import read_urdf
 from geodesic_motion_ros.utils.errors import ParameterError, RobotError
 
@@ -30,6 +31,8 @@ FALSE_ALARMS, FINER = 0.1, 5.0 / 6.0
 """Where spheres of two links overlap, while their bodies are apart, in more than this share of the draws, the arm is
 covered once more with this multiple of the protrusions: it would be refused, folded up, where a real one stands.
 """
+MOST_CENTRES = 20_000
+"""Spheres of a body, as of a mobile base, are chosen from so many at most: memory and time grow with the square."""
 POSTURES = 2000
 """Drawn, of which the ready posture is the best."""
 APART = 0.01
@@ -41,7 +44,7 @@ _FRAME_INERTIA = (
 
 @dataclass(frozen=True)
 class Limits:
-    """What a URDF does not say, (n,) each in SI units; velocity None where the URDF's are right.
+    """What a URDF does not say, (n,) each in SI units.
 
     source : where the numbers are from.
     """
@@ -49,12 +52,11 @@ class Limits:
     acceleration: Sequence[float]
     jerk: Sequence[float]
     source: str
-    velocity: Sequence[float] | None = None
 
 
 @dataclass(frozen=True)
 class MadeRobot:
-    """What was made: the folder, the bodies of the URDF, the spheres (S, 4) [m] by link, and the pairs kept apart."""
+    """What was made: the folder, the bodies of the URDF, the spheres (S, 4) [m] by link, and the pairs that touch."""
 
     folder: Path
     bodies: tuple[Body, ...]
@@ -76,10 +78,11 @@ def make_robot(
     ready: Sequence[float] | None = None,
     beside: Mapping[str, float] | None = None,
 ) -> MadeRobot:
-    """Write a robot's folder: a URDF of what moves and collides, its meshes, limits, spheres and pairs.
+    """Write a robot's folder, whole or not at all: a URDF of what moves and collides, meshes, limits, spheres, pairs.
 
     Parameters
     ----------
+    urdf : with paths of meshes that are absolute, or relative to it: `plain_urdf`.
     ready : (n,) [rad]; None: a posture is proposed.
     beside : positions [rad, m] of joints beside the chain, as of fingers.
 
@@ -88,16 +91,23 @@ def make_robot(
     RobotError : the URDF does not fit, as `Robot.from_urdf` and `collision_bodies`.
     ParameterError : the folder exists, or bodies cannot be covered.
     """
-    if out.exists() and any(out.iterdir()):
-        raise ParameterError(f"{out} exists and is not empty: give another folder")
+    out = out.absolute()
+    if out.exists() and not (out.is_dir() and not any(out.iterdir())):
+        raise ParameterError(f"{out} exists and is no empty folder: give another one")
     source = Robot.from_urdf(urdf, base_link, tool_link)
     posture = None if ready is None else source.checked(np.array(ready))
-    out.mkdir(parents=True, exist_ok=True)
     try:
-        return _write(source, out, limits, name or out.name, posture, beside or {})
-    except BaseException:
-        shutil.rmtree(out)
-        raise
+        out.parent.mkdir(parents=True, exist_ok=True)
+        scratch = TemporaryDirectory(prefix=f".{out.name}-", dir=out.parent)
+    except OSError as error:
+        raise ParameterError(f"{out} cannot be made ({error.strerror}): give another folder") from error
+    with scratch:
+        draft = Path(scratch.name) / "robot"
+        draft.mkdir()
+        made = _write(source, draft, limits, name or out.name, posture, beside or {})
+        Robot.named(draft)  # what cannot be read is no robot
+        draft.replace(out)
+    return replace(made, folder=out)
 
 
 def _write(
@@ -110,7 +120,7 @@ def _write(
     robot = Robot.from_urdf(urdf, source.base_link, source.tool_link)
     bodies = collision_bodies(robot, beside)
     spheres, pairs = cover_and_pair(robot, bodies)
-    (out / "spheres.yaml").write_text(_spheres_text(spheres, pairs))
+    (out / "spheres.yaml").write_text(_spheres_text(spheres, [pair for pair in pairs if pair.spheres != ()]))
     model = CollisionModel.load(out / "spheres.yaml", robot)
     posture = propose_ready(robot, model) if posture is None else posture
     clearance, (one, other) = self_clearance(model, robot, posture)
@@ -119,8 +129,11 @@ def _write(
     described = {
         "name": name, "urdf": urdf.name, "base_link": robot.base_link, "tool_link": robot.tool_link,
         "limits": "joint_limits.yaml", "limits_source": limits.source, "ready": [float(x) for x in posture],
-        "spheres": "spheres.yaml", "hand": bodies[-1].link,
+        "spheres": "spheres.yaml",
     }  # fmt: skip
+    last = bodies[-1].link
+    if not np.any(robot.chain[3][robot.link_names.index(last) :] >= 0):  # it moves with the tool
+        described["hand"] = last
     if beside:
         described["simulation"] = {"joints": {joint: float(value) for joint, value in beside.items()}}
     (out / FILE).write_text(yaml.safe_dump(described, sort_keys=False, default_flow_style=None, width=110))
@@ -188,12 +201,20 @@ def propose_ready(robot: Robot, model: CollisionModel) -> np.ndarray:
 
 
 def _covered(body: Body, protrusion: float) -> np.ndarray:
+    """Spheres (S, 4) [m] that hold a body and stick out by a protrusion: more, where it has more centres than
+    MOST_CENTRES, and less where it is so thin that it has too few."""
+    try:
+        volume = ConvexHull(body.vertices).volume
+    except QhullError as error:
+        raise RobotError(f"a collision body of link '{body.name}' is flat: it needs a thickness") from error
+    least = max(THINNEST, (volume / MOST_CENTRES) ** (1.0 / 3.0) / SPACING)
+    protrusion = max(protrusion, least)
     while True:
         try:
             return file_spheres(body.vertices, protrusion)
         except ParameterError as error:
             protrusion *= 0.5
-            if protrusion < THINNEST:
+            if protrusion < least:
                 raise ParameterError(f"the collision body of link '{body.name}' cannot be covered: {error}") from error
 
 
@@ -215,44 +236,42 @@ def _write_urdf(source: Path, path: Path) -> None:
         if link.find("inertial") is None and not collisions:
             # a frame alone; simulators take what says nothing for a kilogramme
             link.append(ElementTree.fromstring(_FRAME_INERTIA))
+        parts = []
         for collision in collisions:
             link.remove(collision)
-            for part in _convex(collision, source, path.parent / "meshes"):
-                shown = deepcopy(part)
-                shown.tag = "visual"
-                link.extend((part, shown))
+            parts += _convex(collision, source)
+        for number, (part, triangles) in enumerate(parts, start=1):
+            if triangles is not None:
+                # called by the link, for meshes of several folders may have one name
+                file = path.parent / "meshes" / f"{link.get('name', '').replace('/', '_')}_{number}.stl"
+                file.parent.mkdir(exist_ok=True)
+                write_mesh(triangles, file)
+                part.find("geometry/mesh").set("filename", f"{file.parent.name}/{file.name}")
+            shown = deepcopy(part)
+            shown.tag = "visual"
+            link.extend((part, shown))
     ElementTree.indent(root)
     path.write_text(f'<?xml version="1.0"?>\n{ElementTree.tostring(root, encoding="unicode")}\n')
 
 
-def _convex(collision: ElementTree.Element, urdf: Path, meshes: Path) -> list[ElementTree.Element]:
-    """A collision body, or one for each convex part of its mesh, whose files are in a folder `meshes` then."""
+def _convex(collision: ElementTree.Element, urdf: Path) -> list[tuple[ElementTree.Element, np.ndarray | None]]:
+    """A collision body, or one for each convex part of its mesh with its triangles (T, 3, 3)."""
     mesh = collision.find("geometry/mesh")
     if mesh is None:
-        return [collision]
-    source = mesh_path(mesh.get("filename", ""), urdf)
-    meshes.mkdir(exist_ok=True)
+        return [(collision, None)]
+    source = urdf.parent / mesh.get("filename", "")
     try:
-        parts = convex_parts(read_mesh(source))
+        return [(deepcopy(collision), triangles) for triangles in convex_parts(read_mesh(source))]
     except ValueError as error:
         raise RobotError(f"mesh {source} holds no body: {error}") from error
-    found = []
-    for number, triangles in enumerate(parts, start=1):
-        file = meshes / (f"{source.stem}.stl" if len(parts) == 1 else f"{source.stem}_{number}.stl")
-        write_mesh(triangles, file)
-        found.append(deepcopy(collision))
-        found[-1].find("geometry/mesh").set("filename", f"{meshes.name}/{file.name}")
-    return found
 
 
 def _write_limits(robot: Robot, limits: Limits, path: Path) -> None:
     table = {}
     for i, joint in enumerate(robot.joint_names):
         table[joint] = {"max_acceleration": float(limits.acceleration[i]), "max_jerk": float(limits.jerk[i])}
-        if limits.velocity is not None:
-            table[joint]["max_velocity"] = float(limits.velocity[i])
     text = yaml.safe_dump({"joint_limits": table}, sort_keys=False, default_flow_style=None)
-    path.write_text(f"# Accelerations [rad/s^2], jerks [rad/s^3], velocities [rad/s]. From: {limits.source}\n{text}")
+    path.write_text(f"# Accelerations [rad/s^2], jerks [rad/s^3]. From: {limits.source}\n{text}")
 
 
 def _spheres_text(spheres: Mapping[str, np.ndarray], pairs: Sequence[LinkPair]) -> str:

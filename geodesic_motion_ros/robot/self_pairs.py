@@ -4,8 +4,9 @@ Links that one joint moves against each other touch at that joint and are never 
 apart whose bodies come nearer than a gap in a drawn configuration in which their spheres overlap (distance of convex
 bodies: E. Gilbert, SIAM Journal on Control 4, 1966). Links that are always close, as a wrist and the forearm, have
 spheres that always overlap: of their pairs of spheres the one that finds most of the contacts that are left, for the
-false alarms that it adds, is taken until every drawn contact is found. This is a sample and no proof: what
-`geodesic-motion robot` prints is to be looked at.
+false alarms that it adds, is taken until every drawn contact is found. Bodies that touch in every drawn configuration
+overlap as they are modelled, and no posture would be left: their links are not kept apart. This is a sample and no
+proof: what `geodesic-motion robot` prints is to be looked at.
 """
 
 from __future__ import annotations
@@ -31,11 +32,11 @@ STEPS = 200
 
 @dataclass(frozen=True)
 class LinkPair:
-    """Two links that are kept apart, base first.
+    """Two links that are kept apart, base first, or whose bodies always touch.
 
     Attributes
     ----------
-    spheres : pairs of their spheres, each counted from 0; None for all.
+    spheres : pairs of their spheres, each counted from 0; None for all, () where they always touch.
     touching, overlapping : shares of the draws in which their bodies touch, and the chosen spheres overlap.
     """
 
@@ -68,6 +69,9 @@ def draw_self_pairs(
         touching = overlaps.any(axis=1)
         touching[touching] = [_touch(robot, q, some, others, gap) for q in configurations[touching]]
         if not touching.any():
+            continue
+        if touching.all():
+            found.append(LinkPair((one, other), (), 1.0, 1.0))
             continue
         always_close = overlaps.mean(axis=0).max() > OFTEN
         chosen = telling_pairs(overlaps, touching) if always_close else np.arange(overlaps.shape[1])

@@ -50,29 +50,36 @@ def cover(vertices: np.ndarray, protrusion: float = PROTRUSION) -> np.ndarray:
     depths = np.min(-(centres @ hull.equations[:, :3].T) - hull.equations[:, 3], axis=1)
     centres, depths = centres[depths > 0.0], depths[depths > 0.0]
     triangles = _subdivided(vertices[hull.simplices], TRIANGLE * protrusion)
-    # a grid point counts as a triangle of no size
-    pieces = np.concatenate([triangles, np.repeat(centres[:, None], 3, axis=1)])
     edges = triangles[:, 1:] - triangles[:, :1]
     sizes = 0.5 * np.linalg.norm(np.cross(edges[:, 0], edges[:, 1]), axis=1)
     # far less than the surface, yet enough to decide between spheres that cover no more of it
     sizes = np.concatenate([sizes, np.full(len(centres), 1e-9 * np.sum(sizes))])
     radii = depths + protrusion
-    inside = np.array([_reaches(centre, pieces) <= radius for centre, radius in zip(centres, radii, strict=True)])
+    corners, corner_of = np.unique(triangles.reshape(-1, 3), axis=0, return_inverse=True)
+    corner_of = np.ascontiguousarray(corner_of.reshape(-1, 3).T)
+
+    def reaches(centre: np.ndarray) -> np.ndarray:
+        """Radii (T + G,) [m] from which on a sphere about a centre holds each triangle, and each grid point."""
+        around = np.linalg.norm(corners - centre, axis=1)[corner_of].max(axis=0)
+        return np.concatenate([around, np.linalg.norm(centres - centre, axis=1)])
+
+    inside = np.empty((len(centres), len(sizes)), dtype=bool)
+    for row, centre, radius in zip(inside, centres, radii, strict=True):
+        row[:] = reaches(centre) <= radius
     if not np.all(np.any(inside, axis=0)):
         raise ParameterError(
             f"protrusion is {protrusion} m: with centres {SPACING * protrusion:.4f} m apart that do not cover a body "
             f"of {np.round(np.ptp(vertices, axis=0), 3).tolist()} m; take another one"
         )
-    gains = np.sum(inside * sizes, axis=1)
+    gains = np.array([np.sum(row * sizes) for row in inside])
     chosen: list[int] = []
-    bare = np.ones(len(pieces), dtype=bool)
+    bare = np.ones(len(sizes), dtype=bool)
     while np.any(bare):
         chosen.append(int(np.argmax(gains)))
         gained = bare & inside[chosen[-1]]
         gains -= inside[:, gained] @ sizes[gained]
         bare &= ~gained
-    reaches = np.array([_reaches(centre, pieces) for centre in centres[chosen]])
-    return _shrunk(centres[chosen], radii[chosen], reaches)
+    return _shrunk(centres[chosen], radii[chosen], np.array([reaches(centre) for centre in centres[chosen]]))
 
 
 def _grid(vertices: np.ndarray, spacing: float) -> np.ndarray:
@@ -95,11 +102,6 @@ def _subdivided(triangles: np.ndarray, longest: float) -> np.ndarray:
         middle = 0.5 * (one + other)
         triangles = np.concatenate([np.stack([one, middle, opposite], 1), np.stack([middle, other, opposite], 1)])
     return np.concatenate(finished)
-
-
-def _reaches(centre: np.ndarray, triangles: np.ndarray) -> np.ndarray:
-    """Radii (T,) [m] from which on a sphere about a centre holds each triangle."""
-    return np.linalg.norm(triangles - centre, axis=2).max(axis=1)
 
 
 def _shrunk(centres: np.ndarray, radii: np.ndarray, reaches: np.ndarray) -> np.ndarray:

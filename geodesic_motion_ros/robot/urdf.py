@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from xml.etree import ElementTree
@@ -55,7 +55,7 @@ def read_chain(path: str | Path, base_link: str, tool_link: str) -> Chain:
     if not moving:
         raise RobotError(f"no moving joint lies between '{base_link}' and '{tool_link}' in {Path(path).name}")
     names = tuple(joint.get("name", "") for joint in moving)
-    limits = np.array([_limits(joint) for joint in moving]).T.copy()
+    limits = _limits(moving)
     origins = [read_origin(joint, f"joint '{joint.get('name')}'") for joint in joints]
     return Chain(
         link_names=(base_link, *(joint.find("child").get("link") for joint in joints)),
@@ -69,6 +69,17 @@ def read_chain(path: str | Path, base_link: str, tool_link: str) -> Chain:
         upper=limits[1],
         velocity=limits[2],
     )
+
+
+def moving_joints(path: str | Path, base_link: str, tool_link: str) -> tuple[str, ...]:
+    """Names of the moving joints between two links of a URDF file, whatever limits they have.
+
+    Raises
+    ------
+    RobotError : the file cannot be read, or a link is missing or not below the base.
+    """
+    joints = _joints_from_base(read_urdf(path), base_link, tool_link, Path(path).name)
+    return tuple(joint.get("name", "") for joint in joints if joint.get("type") in MOVING)
 
 
 def read_dynamic_limits(path: str | Path, joint_names: tuple[str, ...]) -> tuple[np.ndarray, np.ndarray]:
@@ -111,9 +122,18 @@ def _joint_limits(path: str | Path) -> Mapping:
 def read_urdf(path: str | Path) -> ElementTree.Element:
     """The root of a URDF file. RobotError: it cannot be read, or is none."""
     try:
-        root = ElementTree.parse(path).getroot()
-    except (OSError, ElementTree.ParseError) as error:
-        raise RobotError(f"cannot read the URDF {path}: {error}") from error
+        return parse_urdf(Path(path).read_text(), path)
+    except (OSError, UnicodeDecodeError) as error:
+        reason = error.strerror if isinstance(error, OSError) else "it is not text"
+        raise RobotError(f"cannot read the URDF {path}: {reason}") from error
+
+
+def parse_urdf(text: str, path: str | Path) -> ElementTree.Element:
+    """The root of a URDF, which came out of a file. RobotError: it is none."""
+    try:
+        root = ElementTree.fromstring(text)
+    except ElementTree.ParseError as error:
+        raise RobotError(f"{path} is no URDF: {error if text.strip() else 'it is empty'}") from error
     if root.tag != "robot":
         raise RobotError(f"{path} is no URDF: its root element is <{root.tag}>, expected <robot>")
     return root
@@ -123,9 +143,13 @@ def _joints_from_base(
     root: ElementTree.Element, base_link: str, tool_link: str, file_name: str
 ) -> list[ElementTree.Element]:
     links = [link.get("name") for link in root.findall("link")]
+    for kind in ("link", "joint"):
+        names = [element.get("name") for element in root.findall(kind)]
+        if repeated := {name for name in names if names.count(name) > 1}:
+            raise RobotError(f"{file_name} has more than one {kind} called {', '.join(map(str, sorted(repeated)))}")
     for link in (base_link, tool_link):
         if link not in links:
-            raise RobotError(f"link '{link}' is not in {file_name}; it has {', '.join(map(str, links))}")
+            raise RobotError(f"link '{link}' is not in {file_name}; it has {', '.join(map(str, links)) or 'no links'}")
     parent_joint = {
         joint.find("child").get("link"): joint
         for joint in root.findall("joint")
@@ -136,7 +160,11 @@ def _joints_from_base(
     while link != base_link:
         joint = parent_joint.get(link)
         if joint is None or len(chain) > len(links):
-            raise RobotError(f"no chain of joints leads from '{base_link}' to '{tool_link}' in {file_name}")
+            above = ", ".join(step.find("parent").get("link") for step in chain) or "no links"
+            raise RobotError(
+                f"no chain of joints leads from '{base_link}' to '{tool_link}' in {file_name}: above '{tool_link}' are "
+                f"{above}"
+            )
         if joint.get("type") not in (*MOVING, "fixed"):
             raise RobotError(
                 f"joint '{joint.get('name')}' is of type '{joint.get('type')}'; "
@@ -144,30 +172,40 @@ def _joints_from_base(
             )
         if (mimic := joint.find("mimic")) is not None:
             raise RobotError(
-                f"joint '{joint.get('name')}' mimics '{mimic.get('joint')}': a chain may not have mimic joints"
+                f"joint '{joint.get('name')}' mimics '{mimic.get('joint')}': a chain may not have mimic joints, "
+                "end it before"
             )
         chain.append(joint)
         link = joint.find("parent").get("link")
     return chain[::-1]
 
 
-def _limits(joint: ElementTree.Element) -> tuple[float, float, float]:
-    limit, name = joint.find("limit"), joint.get("name")
-    wanted = ["velocity"] if joint.get("type") == "continuous" else ["lower", "upper", "velocity"]
-    missing = wanted if limit is None else [key for key in wanted if limit.get(key) is None]
-    if missing:
+def _limits(joints: Sequence[ElementTree.Element]) -> np.ndarray:
+    """Lower and upper positions and velocities (3, n) of moving joints; RobotError names all that lack one.
+
+    Where a <limit> does not say lower or upper these are 0, as URDF has it.
+    """
+    limits = np.array([[_limit(joint, key) for joint in joints] for key in ("lower", "upper", "velocity")])
+    continuous = np.array([joint.get("type") == "continuous" for joint in joints])
+    limits[:2, continuous] = [[-np.inf], [np.inf]]
+    names = np.array([joint.get("name", "") for joint in joints])
+    if np.any(without := ~(limits[0] < limits[1])):
         raise RobotError(
-            f"joint '{name}' lacks the limit {', '.join(missing)}: "
-            f'write <limit lower=".." upper=".." velocity=".." effort=".."/> with all of {", ".join(wanted)}'
+            f"no range of positions is given for {', '.join(names[without])}: write lower below upper, "
+            '<limit lower=".." upper=".." velocity=".." effort=".."/>, or type="continuous" for a joint without an end'
         )
-    values = {key: read_floats(limit.get(key), 1, f"limit {key} of joint '{name}'")[0] for key in wanted}
-    lower, upper = values.get("lower", -np.inf), values.get("upper", np.inf)
-    if not (lower < upper and values["velocity"] > 0.0):
+    if np.any(without := ~(limits[2] > 0.0)):
         raise RobotError(
-            f"joint '{name}' has limits lower {lower}, upper {upper}, velocity {values['velocity']}: "
-            "lower must be below upper and velocity positive"
+            f"no positive limit of velocity is given for {', '.join(names[without])}: write it into <limit>, or give "
+            f"--velocity [rad/s, m/s], one number for all joints or one for each of {', '.join(names)}"
         )
-    return lower, upper, values["velocity"]
+    return limits
+
+
+def _limit(joint: ElementTree.Element, key: str) -> float:
+    limit = joint.find("limit")
+    text = "0" if limit is None else limit.get(key, "0")
+    return read_floats(text, 1, f"limit {key} of joint '{joint.get('name')}'")[0]
 
 
 def read_origin(element: ElementTree.Element, subject: str) -> tuple[np.ndarray, np.ndarray]:

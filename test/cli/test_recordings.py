@@ -123,6 +123,8 @@ def test_text_in_one_go_is_split_as_a_bag_is(tmp_path, capsys) -> None:
         (["--bag", "{good}", "--split", "5"], "give standstill, a topic of markers as /mark, or the beginning"),
         (["--bag", "{good}", "--split", "/mark"], "has no topic /mark; it has /note"),
         (["--bag", "{good}", "--pause", "0"], "must be positive"),
+        (["--bag", "{tmp}/empty"], "empty: is no bag: a folder of ROS 2, or a file that ends in .db3"),
+        (["--bag", "{tmp}/one_hz"], "'one_hz_0' has 3 samples, 1 a second, at 3.00 s; left out: at least 10"),
         (["--bag", "{good}", "--units", "cm"], "messages have metres"),
         (["--bag", "{good}", "--space", "joint"], "--space joint"),
         (["--bag", "{good}", "--joint-weight", "0.1"], "--joint-weight is for recordings of joints"),
@@ -130,9 +132,11 @@ def test_text_in_one_go_is_split_as_a_bag_is(tmp_path, capsys) -> None:
     ],
 )  # fmt: skip
 def test_what_cannot_be_learned_from_is_said_in_one_line_and_nothing_is_written(
-    arguments, said, good, spoiled, tmp_path, capsys
+    arguments, said, good, spoiled, bag, tmp_path, capsys
 ) -> None:
     (file,) = good.glob("*.mcap")
+    (tmp_path / "empty").mkdir()
+    bag.write(tmp_path / "one_hz", {"/tool": published(poses())[::50]})
     (tmp_path / "cut.mcap").write_bytes(file.read_bytes()[:3000])
     places = {"good": good, "spoiled": spoiled, "tmp": tmp_path}
     command = ["train", *(argument.format(**places) for argument in arguments), "--out", str(tmp_path / "s")]
@@ -141,6 +145,21 @@ def test_what_cannot_be_learned_from_is_said_in_one_line_and_nothing_is_written(
     assert len(lines) == 1
     assert said in lines[0]
     assert not (tmp_path / "s").exists()
+
+
+def test_inspect_of_an_empty_folder_names_both_that_it_could_be(tmp_path, capsys) -> None:
+    assert main(["inspect", str(tmp_path)]) == 2
+    assert "holds neither a skill (skill.yaml) nor a recording (metadata.yaml" in capsys.readouterr().err
+
+
+def test_poses_in_another_frame_than_the_base_are_questioned(bag, tmp_path, capsys) -> None:
+    """The control: those of the robot's base are not."""
+    for frame in ("camera", "panda_link0"):
+        rows = [(when, stamp, (frame, pose)) for when, stamp, (_, pose) in published(poses())]
+        path = bag.write(tmp_path / frame, {"/tool": rows})
+        assert main(["inspect", str(path), "--picture", str(tmp_path / "picture.png")]) == 0
+        asked = "has poses in the frame 'camera'" in capsys.readouterr().out
+        assert asked == (frame == "camera")
 
 
 def test_a_bag_and_a_file_are_not_mixed(good, recording, tmp_path, capsys) -> None:

@@ -29,21 +29,38 @@ def test_what_is_missing_is_named(arguments: list[str], message: str, tmp_path: 
     assert not (tmp_path / "arm").exists()
 
 
+@pytest.mark.parametrize("option", [["--package", "arm=none"], ["--package", "arm"], ["height=2"]])
+def test_what_cannot_be_a_package_or_an_argument_is_refused(option: list[str], tmp_path: Path, capsys) -> None:
+    with pytest.raises(SystemExit):
+        main(["robot", str(PANDA), *option, *ENDS, *LIMITS, "--out", str(tmp_path / "arm")])
+    assert "NAME=FOLDER" in (shown := capsys.readouterr().err) or "like hand:=true" in shown
+    assert not (tmp_path / "arm").exists()
+
+
 def test_a_robot_is_made_and_drawn(tmp_path: Path, capsys) -> None:
     links = "".join(
         f'<link name="{name}"><collision><origin xyz="0 0 0.06"/><geometry><box size="0.05 0.05 0.12"/></geometry>'
         "</collision></link>"
         for name in ("base", "upper", "lower")
     )
+    links += '<link name="tool"/>'
     joints = "".join(
         f'<joint name="{name}" type="revolute"><parent link="{one}"/><child link="{other}"/><origin xyz="0 0 0.15"/>'
-        '<axis xyz="0 1 0"/><limit lower="-2" upper="2" velocity="1" effort="1"/></joint>'
+        '<axis xyz="0 1 0"/><limit lower="-2" upper="2" effort="1"/></joint>'
         for name, one, other in (("shoulder", "base", "upper"), ("elbow", "upper", "lower"))
     )
+    joints += '<joint name="flange" type="fixed"><parent link="lower"/><child link="tool"/></joint>'
     (tmp_path / "arm.urdf").write_text(f'<robot name="arm">{links}{joints}</robot>')
     out = tmp_path / "made"
-    given = ["robot", str(tmp_path / "arm.urdf"), "--base", "base", "--tip", "lower", "--out", str(out), *LIMITS]
-    assert main([*given, "--ready", "0.3,0.5"]) == 0
-    assert "farthest point outside all spheres: 0.0 mm" in capsys.readouterr().out
+    given = ["robot", str(tmp_path / "arm.urdf"), "--base", "base", "--tip", "tool", "--out", str(out), *LIMITS]
+    assert main(given) == 2
+    assert "no positive limit of velocity is given for shoulder, elbow" in capsys.readouterr().err
+    assert not out.exists()
+    assert main([*given, "--ready", "0.3,0.5", "--velocity", "1,2"]) == 0
+    shown = capsys.readouterr().out
+    assert "farthest point outside all spheres: 0.0 mm" in shown
+    assert "without a body in the URDF, and so never kept clear: tool\n" in shown
+    assert "inverse kinematics is of six or seven joints, this arm has 2" in shown
     assert (out / "spheres.png").is_file()
     assert Robot.named(out).joint_names == ("shoulder", "elbow")
+    assert Robot.named(out).velocity_limits.tolist() == [1.0, 2.0]

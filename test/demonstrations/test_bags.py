@@ -74,6 +74,66 @@ def test_transforms_are_composed_through_the_frames_between(kind, bag, tmp_path)
         read_take(path, Source.parse("/tf:base:hand"))
 
 
+@pytest.mark.parametrize(
+    ("unusable", "found"),
+    [
+        ((20, 21, "nan"), "has 1 of 60 messages without a finite position of each of the joints, at 0.20 s"),
+        ((0, 3, "nan"), "has 3 of 60 messages without a finite position of each of the joints, at -0.03 s"),
+        ((20, 60, "cut"), "has 40 of 60 messages without a finite position of each of the joints, at 0.20 s"),
+        ((20, 60, "renamed"), None),
+    ],
+)
+def test_messages_that_do_not_count_are_stated_and_the_others_are_read(unusable, found, bag, tmp_path) -> None:
+    first, last, how = unusable
+    rows = joint_messages()
+    for number in range(first, last):
+        when, stamp, row = rows[number]
+        altered = {
+            "nan": row | {"right": float("nan")}, "cut": {"left": row["left"]},
+            "renamed": {f"new_{name}": value for name, value in row.items()},
+        }  # fmt: skip
+        rows[number] = (when, stamp, altered[how])
+    read = joints_of(bag.write(tmp_path / how, {"/joint_states": rows}))
+    np.testing.assert_array_equal(read.take.values, np.delete(VALUES, np.arange(first, last), axis=0))
+    # 0.4 s of others alone are those of a gripper that publishes between
+    assert [str(flaw).removeprefix(f"'{how}' ").partition(";")[0] for flaw in read.flaws] == ([found] if found else [])
+
+
+@pytest.mark.parametrize("part", ["beginning", "middle", "end"])
+def test_joints_that_change_their_names_midway_are_stated(part, bag, tmp_path) -> None:
+    """The control: a gripper's messages among those of the arm are none of that."""
+    times, lost = 0.1 * np.arange(60), {"beginning": (0, 20), "middle": (20, 40), "end": (40, 60)}[part]
+    rows = joint_messages(times + 1e9, times + 1e9)
+    gripper = [(when + 0.05, stamp + 0.05, {"finger": 0.04}) for when, stamp, _ in rows]
+    assert joints_of(bag.write(tmp_path / "control", {"/joint_states": sorted(rows + gripper)})).flaws == ()
+    for number in range(*lost):
+        when, stamp, row = rows[number]
+        rows[number] = (when, stamp, {f"new_{name}": value for name, value in row.items()})
+    (flaw,) = joints_of(bag.write(tmp_path / part, {"/joint_states": rows})).flaws
+    lasting = "2.10" if part == "middle" else "2.00"
+    assert flaw.what == f"has for {lasting} s only messages of other joints: 'new_left, new_right, new_wrist'"
+
+
+def test_a_message_that_is_damaged_is_named_with_its_time(bag, tmp_path) -> None:
+    path = bag.write(tmp_path / "damaged.bag", {"/joint_states": joint_messages()})
+    content = path.read_bytes()
+    # the length of the list of names, in the message that has this number
+    stamp = (1_700_000_000).to_bytes(4, "little") + round(0.3e9).to_bytes(4, "little")
+    at = content.rindex(stamp, 0, content.rindex(b"left")) + len(stamp) + 4
+    path.write_bytes(content[:at] + b"\xff\xff\xff\x7f" + content[at + 4 :])
+    with pytest.raises(DemonstrationError, match=r"a message on /joint_states, 0\.30 s after the bag begins, is damag"):
+        joints_of(path)
+
+
+def test_poses_of_several_frames_are_refused_with_the_time_of_the_change(bag, tmp_path) -> None:
+    pose = np.append([0.4, 0.0, 0.3], TURN)
+    rows = [(time, time, ("base" if time < TIMES[30] else "camera", pose)) for time in TIMES]
+    path = bag.write(tmp_path / "moved", {"/pose": rows})
+    with pytest.raises(DemonstrationError, match=r"the poses are in 'base', and from 0\.30 s on in 'camera'"):
+        read_take(path, Source("/pose"))
+    assert read_take(bag.write(tmp_path / "still", {"/pose": rows[:30]}), Source("/pose")).frame == "base"
+
+
 def test_without_stamps_the_times_of_the_recorder_are_used_and_it_is_stated(bag, tmp_path) -> None:
     read = joints_of(bag.write(tmp_path / "zeros", {"/joint_states": joint_messages(stamps=0.0 * TIMES)}))
     np.testing.assert_allclose(read.take.times, TIMES - TIMES[0], atol=1e-6)
@@ -110,6 +170,8 @@ def test_what_is_missing_is_named_beside_what_is_there(bag, tmp_path) -> None:
             chosen_source(path, requested)
     with pytest.raises(DemonstrationError, match=r"no message has elbow; the joints there are 'left, right, wrist'"):
         read_take(path, Source("/other"), ("left", "elbow"))
+    with pytest.raises(DemonstrationError, match="are they those of another robot"):
+        read_take(path, Source("/other"), ("elbow",))
     with pytest.raises(DemonstrationError, match=rf"has no topic /begin; it has {listed}"):
         read_take(path, Source("/other"), NAMES, "/begin")
 
@@ -128,6 +190,7 @@ def test_a_file_that_is_cut_short_is_read_as_far_as_it_goes_or_refused_in_one_li
     except DemonstrationError as error:
         reasons.append(str(error))
     assert all(reason.startswith(str(path)) and len(reason.splitlines()) == 1 for reason in reasons)
+    assert all("perhaps it can be saved: " in reason for reason in reasons)
 
 
 def test_a_bag_without_metadata_is_read_by_its_files(bag, tmp_path) -> None:

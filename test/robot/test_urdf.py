@@ -44,18 +44,30 @@ def test_a_continuous_joint_has_no_position_limits(tmp_path: Path) -> None:
     assert chain.upper[0] == np.inf
 
 
+def test_lower_is_0_where_it_is_not_written(tmp_path: Path) -> None:
+    chain = read_chain(write(tmp_path, ARM.replace('lower="0" ', "")), "base", "tool")
+    np.testing.assert_array_equal([chain.lower[1], chain.upper[1]], [0.0, 0.3])
+
+
+def test_all_joints_without_a_limit_are_named(tmp_path: Path) -> None:
+    text = ARM.replace('velocity="1.5" ', "").replace('velocity="0.2" ', "")
+    with pytest.raises(RobotError, match="no positive limit of velocity is given for turn, push:"):
+        read_chain(write(tmp_path, text), "base", "tool")
+
+
 @pytest.mark.parametrize(
     ("old", "new", "words"),
     [
-        ('velocity="1.5" ', "", ("turn", "velocity")),
-        ('<limit lower="-1" upper="2" velocity="1.5" effort="1"/>', "", ("turn", "lower, upper, velocity")),
+        ('velocity="1.5" ', "", ("velocity is given for turn:", "--velocity", "one for each of turn, push")),
+        ('<limit lower="-1" upper="2" velocity="1.5" effort="1"/>', "", ("range of positions", "turn:", "lower")),
+        ('lower="-1" upper="2" ', "", ("range of positions", "turn:", "lower", "upper", 'type="continuous"')),
         ('lower="-1"', 'lower="nan"', ("turn", "lower", "nan")),
-        ('lower="-1"', 'lower="3"', ("turn", "lower must be below upper")),
-        ('velocity="1.5"', 'velocity="0"', ("turn", "velocity positive")),
+        ('lower="-1"', 'lower="3"', ("turn:", "write lower below upper")),
+        ('velocity="1.5"', 'velocity="0"', ("no positive limit of velocity is given for turn:",)),
         ('xyz="0 0 2"', 'xyz="0 0 0"', ("turn", "axis")),
         ('xyz="0 0 0.5"', 'xyz="0 0"', ("turn", "origin xyz", "3 finite numbers")),
         ('type="fixed"', 'type="floating"', ("mount", "floating", "revolute")),
-        ("</robot>", "", ("cannot read",)),
+        ("</robot>", "", ("is no URDF: no element found",)),
     ],
 )
 def test_names_what_is_wrong(tmp_path: Path, old: str, new: str, words: tuple[str, ...]) -> None:
@@ -71,8 +83,16 @@ def test_an_unknown_link_is_answered_with_those_that_exist(tmp_path: Path) -> No
 
 
 def test_links_that_no_joints_connect(tmp_path: Path) -> None:
-    with pytest.raises(RobotError, match="no chain of joints leads from 'base' to 'camera'"):
+    with pytest.raises(RobotError, match=r"no chain .* from 'base' to 'camera' .*: above 'camera' are no links"):
         read_chain(write(tmp_path, ARM), "base", "camera")
+    with pytest.raises(RobotError, match=r"from 'tool' to 'slide' in arm\.urdf: above 'slide' are upper, base"):
+        read_chain(write(tmp_path, ARM), "tool", "slide")
+
+
+@pytest.mark.parametrize(("kind", "old", "new"), [("joint", '"push"', '"turn"'), ("link", '"camera"', '"tool"')])
+def test_names_that_stand_twice_are_refused(kind: str, old: str, new: str, tmp_path: Path) -> None:
+    with pytest.raises(RobotError, match=rf"arm\.urdf has more than one {kind} called {new.strip(chr(34))}"):
+        read_chain(write(tmp_path, ARM.replace(f"<{kind} name={old}", f"<{kind} name={new}")), "base", "tool")
 
 
 def test_a_chain_without_moving_joints(tmp_path: Path) -> None:
