@@ -1,11 +1,15 @@
-"""Who else is on a topic: one that only one node may publish on, or that some node is to receive."""
+"""Who else is on a topic: one that only one node may publish on, or that some node is to receive; latched topics."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable
 
 from rclpy.node import Node
+from rclpy.qos import DurabilityPolicy, QoSProfile
 from rclpy.topic_endpoint_info import TopicEndpointInfo
+
+#: Of what is published once: who subscribes later receives it too.
+LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 
 
 def publishers_of(node: Node, topic: str) -> tuple[str, ...]:

@@ -22,7 +22,7 @@ from geometry_msgs.msg import PointStamped, PoseStamped
 from rclpy.qos import QoSProfile
 from rclpy.time import Time
 from sensor_msgs.msg import Image, JointState
-from std_msgs.msg import Float64, UInt32
+from std_msgs.msg import Float64, String, UInt32
 from std_srvs.srv import SetBool, Trigger
 from trajectory_msgs.msg import JointTrajectory
 from visualization_msgs.msg import MarkerArray
@@ -43,7 +43,7 @@ from geodesic_motion_ros.nodes.messages import (
 from geodesic_motion_ros.nodes.node_time import NodeTime
 from geodesic_motion_ros.nodes.parameter_tables import TWIN
 from geodesic_motion_ros.nodes.parameters import NodeParameters
-from geodesic_motion_ros.nodes.publishers import publishers_of
+from geodesic_motion_ros.nodes.publishers import LATCHED, publishers_of
 from geodesic_motion_ros.nodes.refusals import Refusals
 from geodesic_motion_ros.nodes.running import STEADY, LoopingNode, run_node
 from geodesic_motion_ros.nodes.steady_loop import SteadyLoop
@@ -56,8 +56,10 @@ from geodesic_motion_ros.nodes.twin_parameters import (
     scripted_spheres,
     steps_per_message,
 )
+from geodesic_motion_ros.robot.description import RobotDescription
+from geodesic_motion_ros.robot.robot_file import published_urdf
 from geodesic_motion_ros.simulation.scripted_spheres import ScriptedSpheres
-from geodesic_motion_ros.simulation.world import ArmWorld
+from geodesic_motion_ros.simulation.world import ArmWorld, simulated_urdf
 from geodesic_motion_ros.utils.errors import GeodesicMotionError, RobotError
 
 # After a stall physics makes up for what was lost, for half as long [s] of real time at most, in the next tick half as
@@ -150,6 +152,9 @@ class TwinNode(LoopingNode):
         self._clearance = self.create_publisher(Float64, "~/clearance", qos)
         self._contact_count = self.create_publisher(UInt32, "~/contacts", qos)
         self._image = self.create_publisher(Image, "~/image", qos)
+        self._description = self.create_publisher(String, "robot_description", LATCHED)
+        shown = simulated_urdf(RobotDescription.named(self._robot))
+        self._description.publish(String(data=published_urdf(shown)))
         self._markers = MarkerScene(self._frame)
         values = self._options
         every = steps_per_message(values.values)

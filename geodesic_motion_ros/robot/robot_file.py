@@ -8,6 +8,7 @@ from __future__ import annotations
 import os
 import re
 from collections.abc import Iterator, Mapping
+from contextlib import suppress
 from pathlib import Path
 from xml.etree import ElementTree
 
@@ -54,6 +55,18 @@ def limit_velocities(urdf: Path, velocities: Mapping[str, float]) -> None:
             limit = ElementTree.SubElement(joint, "limit", effort="0") if limit is None else limit
             limit.set("velocity", str(velocities[joint.get("name")]))
     urdf.write_text(ElementTree.tostring(root, encoding="unicode"))
+
+
+def published_urdf(urdf: Path) -> str:
+    """The text of a URDF for the topic `robot_description`: meshes, also those that are shown alone, as file:// URLs.
+
+    A mesh that is not there keeps its name.
+    """
+    root = read_urdf(urdf)
+    for mesh in root.iter("mesh"):
+        with suppress(RobotError):
+            mesh.set("filename", _mesh_path(mesh.get("filename", ""), urdf, {}).as_uri())
+    return ElementTree.tostring(root, encoding="unicode")
 
 
 def _mesh_path(name: str, source: Path, packages: Mapping[str, Path]) -> Path:

@@ -414,6 +414,12 @@ class ArmWorld:
         return client.createMultiBody(0.0, -1, look, basePosition=0.5 * (start + end), baseOrientation=turn)
 
 
+def simulated_urdf(described: RobotDescription) -> Path:
+    """The URDF of a robot in the simulation: of its folder, or one that PyBullet brings."""
+    brought = described.simulated_urdf.removeprefix("pybullet_data/")
+    return Path(pybullet_data.getDataPath() if brought != described.simulated_urdf else "") / brought
+
+
 def load_arm(client: PhysicsClient, described: RobotDescription) -> int:
     """An arm from the URDF of its folder for the simulation, its base link in the origin; PyBullet's number.
 
@@ -421,11 +427,9 @@ def load_arm(client: PhysicsClient, described: RobotDescription) -> int:
     ------
     RobotError : PyBullet cannot read the URDF or a mesh, or it lacks the base link.
     """
-    urdf = described.simulated_urdf
-    if urdf.startswith("pybullet_data/"):
-        urdf = str(Path(pybullet_data.getDataPath()) / urdf.removeprefix("pybullet_data/"))
+    urdf = simulated_urdf(described)
     try:
-        arm = client.loadURDF(urdf, useFixedBase=True)
+        arm = client.loadURDF(str(urdf), useFixedBase=True)
     except PhysicsError as error:
         raise RobotError(f"PyBullet cannot read {urdf}: are its meshes where it says?") from error
     infos = [client.getJointInfo(arm, index) for index in range(client.getNumJoints(arm))]

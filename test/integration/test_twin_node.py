@@ -6,19 +6,21 @@ import math
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
+from xml.etree import ElementTree
 
 import numpy as np
 import pytest
 from geometry_msgs.msg import PointStamped, PoseStamped
 from rclpy.parameter import Parameter
 from sensor_msgs.msg import Image, JointState
-from std_msgs.msg import Float64, UInt32
+from std_msgs.msg import Float64, String, UInt32
 from std_srvs.srv import Trigger
 from trajectory_msgs.msg import JointTrajectory
 from visualization_msgs.msg import Marker, MarkerArray
 
 from geodesic_motion_ros.nodes import twin_node, twin_parameters
 from geodesic_motion_ros.nodes.messages import seconds
+from geodesic_motion_ros.nodes.publishers import LATCHED
 from geodesic_motion_ros.nodes.twin_node import TwinNode
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.skill.skill import Skill
@@ -62,6 +64,16 @@ def test_state_is_that_of_the_arm(twin, start_joints):
     assert pose.header.frame_id == "panda_link0"
     np.testing.assert_allclose(position(pose), Robot.named("panda").forward(np.array(state.position))[0], atol=2e-3)
     assert state.header.stamp.sec > 0
+
+
+def test_who_subscribes_late_receives_the_arm_with_its_meshes(twin):
+    twin.listen(String, "robot_description", LATCHED)
+    twin.wait(lambda: twin.heard["robot_description"], "the description")
+    root = ElementTree.fromstring(twin.heard["robot_description"][-1].data)
+    assert {joint.get("name") for joint in root.iter("joint")} >= set(Robot.named("panda").joint_names)
+    meshes = [mesh.get("filename") for mesh in root.iter("mesh")]
+    assert meshes
+    assert all(name.startswith("file:///") and Path(name.removeprefix("file://")).is_file() for name in meshes)
 
 
 def test_follows_target_poses_and_holds_when_they_stop(twin, skill, make_pose):
