@@ -114,6 +114,10 @@ def run(arguments: argparse.Namespace) -> None:
             raise ParameterError(
                 f"a URDF says nothing of accelerations and jerks: give {', '.join(missing)} for {', '.join(joints)}"
             )
+        print(
+            f"{len(joints)} joints: {', '.join(joints)}; now its bodies are cut and covered, which takes half a minute "
+            "to some minutes", flush=True,
+        )  # fmt: skip
         acceleration, jerk = (_each(name, getattr(arguments, name), joints) for name in ("acceleration", "jerk"))
         made = make_robot(
             urdf, arguments.base, arguments.tip, arguments.out, Limits(acceleration, jerk, arguments.limits_source),
