@@ -30,7 +30,8 @@ from geodesic_motion_ros.visualization.spread import draw_spread
 PLACES = 11
 #: Rows of the held-out table by the beginning of their names in `Skill.quality`.
 _HELD_OUT = {
-    "held_out": "this skill's geodesic", "people": "people among themselves", "reconstruction": "through the network",
+    "held_out": "this skill's geodesic", "people": "people among themselves",
+    "reconstruction": "the held-out one itself, through the network",
     "mean_demonstration": "mean demonstration", "promp": "ProMP", "dmp_nearest": "DMP of the nearest demonstration",
     "joint_line": "straight line in joint space",
 }  # fmt: skip
@@ -203,12 +204,14 @@ def _tubes(skill: Skill, motion: JointReference) -> str:
 def held_out_section(skill: Skill) -> str:
     """Figures on demonstrations that were not learned from, beside human variation and simple predictors."""
     quality, data = skill.quality, str(skill.provenance.get("data", ""))
-    command = f"geodesic-motion evaluate --demos {data if data.endswith(_FILES) else 'FILE'} ..."
+    command = f"geodesic-motion evaluate --demos {data if data.endswith(_FILES) else 'FILE'}"
+    options = "with the options for reading and robot that `train` was given (--units, --columns, --robot, ...)"
     if not any(name.startswith("held_out_") for name in quality):
         return note(
-            "They were not computed: every demonstration was learned from. `geodesic-motion train ... --held-out 0,3` "
-            f"keeps some from the training and measures on them; `{command}` trains on several folds and puts the "
-            "geodesic beside the mean demonstration, ProMP, DMP and what people vary by themselves."
+            f"They were not computed: every demonstration was learned from. `{command}`, {options}, trains again "
+            "without some of them, fold after fold, and puts the geodesic beside the mean demonstration, ProMP, DMP "
+            "and what people vary by themselves. `geodesic-motion train ... --held-out 0,3` learns a skill without "
+            "those two and measures on them."
         )
     columns = [column for column in _COLUMNS if f"held_out_{column}" in quality]
     rows = [
@@ -217,13 +220,15 @@ def held_out_section(skill: Skill) -> str:
         if any(f"{name}_{column}" in quality for column in columns)
     ]
     held_out = ", ".join(map(str, quality.get("held_out", ())))
+    unanswered = quality.get("held_out_unanswered")
     return (
         note(
             f"Held out: {held_out} (counted from 0 among those that were not left out). Predicted from their start and "
             "goal alone; means, the smaller the nearer to what the person did."
         )
         + table(("", *(_COLUMNS[column] for column in columns)), rows)
-        + note(f"One split only: `{command}` measures several.", "soft")
+        + (note("What is unanswered counts in no mean of its row.", "soft") if unanswered else "")
+        + note(f"One split and one training only: `{command}`, {options}, measures several.", "soft")
     )
 
 
