@@ -25,7 +25,7 @@ from geodesic_motion_ros.manifold.latent_graph import LatentGraph
 from geodesic_motion_ros.manifold.pose_graph import PoseGraph
 from geodesic_motion_ros.manifold.transport import Offsets
 from geodesic_motion_ros.robot.description import DEFAULT_ROBOT, RobotDescription
-from geodesic_motion_ros.skill.regression import surest_penalty
+from geodesic_motion_ros.skill.regression import regression_penalty
 from geodesic_motion_ros.skill.sheet import CanonicalSheet
 from geodesic_motion_ros.skill.skill import LearnedModel, Skill
 from geodesic_motion_ros.utils.errors import SkillError
@@ -110,7 +110,7 @@ def canonical_sheet(form: CanonicalDemonstrations) -> CanonicalSheet:
         form.start_offsets, form.goal_offsets, modes, math.inf, form.positions, form.quaternions, fade=form.fade
     )
     # Between modes there is nothing to regress: a mean never averages two modes.
-    return sheet if np.any(modes) else replace(sheet, penalty=surest_penalty(sheet.features(), form.positions))
+    return sheet if np.any(modes) else replace(sheet, penalty=regression_penalty(sheet.features(), form.positions))
 
 
 def calibrated_energy_per_edge(graph: PoseGraph, codes: np.ndarray) -> float:

@@ -26,7 +26,7 @@ from geodesic_motion_ros.manifold.joint_transport import JointOffsets
 from geodesic_motion_ros.robot.body_points import end_effector_poses
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.skill.joint_sheet import JointSheet
-from geodesic_motion_ros.skill.regression import surest_penalty
+from geodesic_motion_ros.skill.regression import regression_penalty
 from geodesic_motion_ros.skill.skill import LearnedModel, Skill
 
 
@@ -94,7 +94,7 @@ def joint_sheet(form: CanonicalJointDemonstrations) -> JointSheet:
     # Between modes there is nothing to regress: a mean never averages two modes.
     if np.any(modes):
         return sheet
-    return replace(sheet, penalty=surest_penalty(sheet.features(), form.configurations))
+    return replace(sheet, penalty=regression_penalty(sheet.features(), form.configurations))
 
 
 def calibrated_energy(graph: ConfigurationGraph, codes: np.ndarray) -> float:

@@ -7,6 +7,12 @@ quantity y_i of the demonstrations predicts sum_i w_i y_i with
 
 the same weights for every quantity (C. Saunders, A. Gammerman, V. Vovk, "Ridge regression learning algorithm in dual
 variables", ICML 1998). An infinite penalty leaves the mean, w = 1 / N.
+
+A penalty gains where it predicts demonstrations that are left out in turn better than their mean does. The largest one
+is taken whose gain is within one standard error of the best (L. Breiman et al., "Classification and Regression Trees",
+1984). Whether the best is more than chance is tested by permutation (M. Ojala and G. C. Garriga, "Permutation tests for
+studying classifier performance", JMLR 2010): with starts and goals shuffled among the demonstrations there is nothing
+to find, and what is found then is what few demonstrations and the choice of a penalty leave to chance.
 """
 
 from __future__ import annotations
@@ -17,8 +23,12 @@ import numpy as np
 
 #: Penalties that are tried, relative to the features' own size.
 PENALTIES = (0.03, 0.1, 0.3, 1.0, 3.0, 10.0)
-#: By this many standard errors a regression has to beat the mean on the demonstrations it has not seen.
-STANDARD_ERRORS = 2.0
+#: So often may demonstrations whose starts and goals determine nothing be regressed on.
+LEVEL = 0.1
+#: Shuffles that a gain is compared with.
+SHUFFLES = 499
+#: Samples along each demonstration that are compared.
+GAIN_SAMPLES = 50
 #: Fewer demonstrations than this leave nothing to regress on when one is left out.
 FEWEST_DEMONSTRATIONS = 4
 
@@ -36,33 +46,48 @@ def regression_weights(features: np.ndarray, query: np.ndarray, penalty: float) 
     return mean + dual - dual.mean()
 
 
-def surest_penalty(features: np.ndarray, curves: np.ndarray) -> float:
-    """Penalty whose gain over the mean is surest, by leaving one demonstration out; inf where none is sure.
+def regression_penalty(features: np.ndarray, curves: np.ndarray) -> float:
+    """Penalty of the regression that the demonstrations speak for; inf where chance gains as much.
 
-    The gain is the mean distance of the left-out curve from the mean of the others, less that from their regression;
-    sure is what exceeds STANDARD_ERRORS standard errors over the demonstrations.
+    The gain on a demonstration is the mean distance of its curve from the mean of the others, less that from their
+    regression. At most LEVEL of SHUFFLES shuffled gains, each with the best penalty of its own, may reach the best.
 
     Parameters
     ----------
-    features : (N, f); curves : (N, T, 3) positions [m] at equal fractions of the arc.
+    features : (N, f); curves : (N, T, D) at equal fractions of the arc, positions [m] or configurations [rad].
     """
-    if len(features) < FEWEST_DEMONSTRATIONS:
+    count = len(features)
+    if count < FEWEST_DEMONSTRATIONS:
         return math.inf
-    sure = {penalty: _sure_gain(features, curves, penalty) for penalty in PENALTIES}
-    best = max(PENALTIES, key=lambda penalty: sure[penalty])
-    return best if sure[best] > 0.0 else math.inf
+    few = curves[:, np.linspace(0, curves.shape[1] - 1, GAIN_SAMPLES).round().astype(int)]
+    weights = [_left_out_weights(features, penalty) for penalty in PENALTIES]
+    off_mean = _left_out_distances(_left_out_weights(features, math.inf), few)
+    gains = np.stack([off_mean - _left_out_distances(own, few) for own in weights])
+    best = gains[np.argmax(gains.mean(axis=1))]
+
+    def reaches(order: np.ndarray) -> bool:
+        shuffled = (off_mean - _left_out_distances(own[np.ix_(order, order)], few) for own in weights)
+        return any(gain.mean() >= best.mean() for gain in shuffled)
+
+    random = np.random.default_rng(0)
+    by_chance = sum(reaches(random.permutation(count)) for _ in range(SHUFFLES))
+    if 1 + by_chance > LEVEL * (1 + SHUFFLES):
+        return math.inf
+    lost = best - gains
+    within = lost.mean(axis=1) <= lost.std(axis=1, ddof=1) / math.sqrt(count)
+    return max(penalty for penalty, near in zip(PENALTIES, within, strict=True) if near)
 
 
-def _sure_gain(features: np.ndarray, curves: np.ndarray, penalty: float) -> float:
-    """Mean gain [m] over the mean, less STANDARD_ERRORS standard errors."""
-    gains = []
-    for left_out in range(len(features)):
-        others = np.arange(len(features)) != left_out
-        weights = regression_weights(features[others], features[left_out], penalty)
-        regressed = np.tensordot(weights, curves[others], axes=1)
-        gains.append(_distance(curves[others].mean(axis=0), curves[left_out]) - _distance(regressed, curves[left_out]))
-    return float(np.mean(gains) - STANDARD_ERRORS * np.std(gains, ddof=1) / math.sqrt(len(gains)))
+def _left_out_weights(features: np.ndarray, penalty: float) -> np.ndarray:
+    """(N, N): row i the weights of the others for demonstration i, which has none itself."""
+    count = len(features)
+    weights = np.zeros((count, count))
+    for left_out in range(count):
+        others = np.arange(count) != left_out
+        weights[left_out, others] = regression_weights(features[others], features[left_out], penalty)
+    return weights
 
 
-def _distance(first: np.ndarray, second: np.ndarray) -> float:
-    return float(np.linalg.norm(first - second, axis=1).mean())
+def _left_out_distances(weights: np.ndarray, curves: np.ndarray) -> np.ndarray:
+    """Mean distance (N,) of each curve (N, T, D) from what the weights (N, N) predict for it."""
+    return np.linalg.norm(np.tensordot(weights, curves, axes=1) - curves, axis=-1).mean(axis=1)

@@ -30,7 +30,8 @@ from geodesic_motion_ros.visualization.spread import draw_spread
 PLACES = 11
 #: Rows of the held-out table by the beginning of their names in `Skill.quality`.
 _HELD_OUT = {
-    "held_out": "this skill's geodesic", "people": "people among themselves", "reconstruction": "through the network",
+    "held_out": "this skill's geodesic", "people": "people among themselves",
+    "reconstruction": "the held-out one itself, through the network",
     "mean_demonstration": "mean demonstration", "promp": "ProMP", "dmp_nearest": "DMP of the nearest demonstration",
     "joint_line": "straight line in joint space",
 }  # fmt: skip
@@ -70,10 +71,10 @@ def report_page(
     if plan.reference is None:
         text = f"The planner has no motion from the mean start to the mean goal: {plan.verdict.reason}"
         missing = note(text, "bad")
-        tubes, spheres, middle = missing, missing, None
+        tubes, spheres, middle, free = missing, missing, None, 0.0
     else:
         tubes = _tubes(skill, plan.reference)
-        spheres, middle = _spheres(planner, plan.reference, shown)
+        spheres, middle, free = _spheres(planner, plan.reference, shown)
     sections = (
         ("skill", "The skill", _skill(planner)),
         ("recordings", "Recordings", recordings_section(skill, recording)),
@@ -83,7 +84,7 @@ def report_page(
         ("spheres", "Largest sphere that is passed", spheres),
         ("certificate", "Limits of the certificate", _certificate(planner)),
     )
-    return page(skill.name, _lead(skill) + cards(_headlines(skill, middle)), sections)
+    return page(skill.name, _lead(skill) + cards(_headlines(skill, middle, free)), sections)
 
 
 def _lead(skill: Skill) -> str:
@@ -100,18 +101,26 @@ def _names(skill: Skill) -> list[str]:
     return [str(name) for name in skill.provenance.get("demonstrations", range(len(skill.codes)))]
 
 
-def _headlines(skill: Skill, middle: np.ndarray | None) -> list[tuple[str, str]]:
-    """The figures that are asked for first. middle : radii [m] passed there, without a detour and, if any, with one."""
+def _headlines(skill: Skill, middle: np.ndarray | None, free: float) -> list[tuple[str, str]]:
+    """The figures that are asked for first.
+
+    middle : radii [m] passed halfway, without a detour and, if any, with one; free : the largest that leaves both ends
+    free there [m].
+    """
     quality = skill.quality
     figures = [(str(len(_names(skill))), "demonstrations learned from")]
     for name, text in (
         ("training_position_error_mm", "mean position error on these"), ("held_out_dtw_mm", "from held-out ones, DTW"),
+        ("mean_demonstration_dtw_mm", "the mean demonstration from these, DTW"),
         ("people_dtw_mm", "people among themselves, DTW"),
     ):  # fmt: skip
         if isinstance(quality.get(name), float):
             figures.append((f"{quality[name]:.1f} mm", text))
     if middle is not None:
-        texts = ("largest sphere passed halfway, as demonstrated", "the same with a detour")
+        texts = (
+            f"largest sphere passed halfway, as demonstrated, of {100.0 * free:.1f} cm that leave both ends free",
+            "the same with a detour",
+        )
         figures += [(f"{100.0 * radius:.1f} cm", text) for radius, text in zip(middle, texts, strict=False)]
     return figures
 
@@ -192,8 +201,9 @@ def recordings_section(skill: Skill, recording: Recording | None) -> str:
 
 
 def _tubes(skill: Skill, motion: JointReference) -> str:
+    carried = ", carried to the mean start and goal," if skill.canonical is not None else ""
     caption = (
-        "The demonstrations, and the planner's motion from the mean start to the mean goal with two standard "
+        f"The demonstrations{carried} and the planner's motion from the mean start to the mean goal with two standard "
         "deviations of the decoder: how sure the skill is there. The tube ends where the decoder's deviation is "
         f"{skill.sigma_limit:.3g} {'rad' if skill.space == 'joint' else 'm'} (root mean square over the coordinates)."
     )
@@ -203,12 +213,14 @@ def _tubes(skill: Skill, motion: JointReference) -> str:
 def held_out_section(skill: Skill) -> str:
     """Figures on demonstrations that were not learned from, beside human variation and simple predictors."""
     quality, data = skill.quality, str(skill.provenance.get("data", ""))
-    command = f"geodesic-motion evaluate --demos {data if data.endswith(_FILES) else 'FILE'} ..."
+    command = f"geodesic-motion evaluate --demos {data if data.endswith(_FILES) else 'FILE'}"
+    options = "with the options for reading and robot that `train` was given (--units, --columns, --robot, ...)"
     if not any(name.startswith("held_out_") for name in quality):
         return note(
-            "They were not computed: every demonstration was learned from. `geodesic-motion train ... --held-out 0,3` "
-            f"keeps some from the training and measures on them; `{command}` trains on several folds and puts the "
-            "geodesic beside the mean demonstration, ProMP, DMP and what people vary by themselves."
+            f"They were not computed: every demonstration was learned from. `{command}`, {options}, trains again "
+            "without some of them, fold after fold, and puts the geodesic beside the mean demonstration, ProMP, DMP "
+            "and what people vary by themselves. `geodesic-motion train ... --held-out 0,3` learns a skill without "
+            "those two and measures on them."
         )
     columns = [column for column in _COLUMNS if f"held_out_{column}" in quality]
     rows = [
@@ -217,20 +229,24 @@ def held_out_section(skill: Skill) -> str:
         if any(f"{name}_{column}" in quality for column in columns)
     ]
     held_out = ", ".join(map(str, quality.get("held_out", ())))
+    unanswered = quality.get("held_out_unanswered")
     return (
         note(
             f"Held out: {held_out} (counted from 0 among those that were not left out). Predicted from their start and "
             "goal alone; means, the smaller the nearer to what the person did."
         )
         + table(("", *(_COLUMNS[column] for column in columns)), rows)
-        + note(f"One split only: `{command}` measures several.", "soft")
+        + (note("What is unanswered counts in no mean of its row.", "soft") if unanswered else "")
+        + note(f"One split and one training only: `{command}`, {options}, measures several.", "soft")
     )
 
 
 def _spheres(
     planner: ReactivePlanner, motion: JointReference, shown: Callable[[Sequence[int]], Iterable[int]]
-) -> tuple[str, np.ndarray]:
-    """The section, and the radii [m] halfway: without a detour and, if the planner makes any, with one."""
+) -> tuple[str, np.ndarray, float]:
+    """The section; the radii [m] passed halfway, without a detour and, if the planner makes any, with one; the largest
+    radius [m] that leaves start and goal free there.
+    """
     detours = (0.0, planner.settings.detour) if planner.may_detour else (0.0,)
     places = SpherePlaces.along(planner, motion, PLACES)
     radii, reasons = np.zeros((PLACES, len(detours))), []
@@ -258,7 +274,8 @@ def _spheres(
     )
     head = ("place", "touches an end from [cm]", *(f"{name} [cm]" for name in names), "why the next one is not passed")
     caption = "Radii along the motion; grey is what touches the arm at start or goal."
-    return note(text) + figure(picture, caption) + table(head, rows, digits=1), radii[PLACES // 2]
+    section = note(text) + figure(picture, caption) + table(head, rows, digits=1)
+    return section, radii[PLACES // 2], min(float(places.free[PLACES // 2]), LARGEST)
 
 
 def _certificate(planner: ReactivePlanner) -> str:

@@ -181,9 +181,10 @@ def test_a_clean_recording_lists_no_flaw(canonical_fan_skill: Skill) -> None:
 def test_held_out_figures_stand_beside_human_variation_and_baselines(canonical_fan_skill: Skill) -> None:
     quality = {
         "held_out": [1], "held_out_dtw_mm": 12.345, "held_out_orientation_deg": 2.5, "people_dtw_mm": 34.5,
-        "promp_dtw_mm": 15.25,
+        "promp_dtw_mm": 15.25, "held_out_unanswered": 2,
     }  # fmt: skip
     words = Page(held_out_section(replace(canonical_fan_skill, quality=quality))).words
+    assert "unanswered counts in no mean" in words
     for figure in ("12.3", "34.5", "15.2", "people among themselves", "ProMP"):
         assert figure in words
     assert "not computed" not in words

@@ -14,17 +14,13 @@ if TYPE_CHECKING:
 
 #: Rows of `evaluate` that the figures of a skill stand beside.
 _BESIDE = ("people", "mean_demonstration", "promp", "dmp_nearest")
-_BESIDE_JOINTS = ("reconstruction", "people", "mean_demonstration", "joint_line")
+_BESIDE_JOINTS = ("reconstruction", *_BESIDE, "joint_line")
 
 
 def add_command(commands: argparse._SubParsersAction) -> None:
     """Add the command to the parser of the command line."""
-    measures = {"task": train.Measure(_peers, _of_poses), "joint": train.Measure(_nothing, _of_joints)}
+    measures = {"task": train.Measure(_peers, _of_poses), "joint": train.Measure(_peers, _of_joints)}
     train.add_command(commands, measures)
-
-
-def _nothing() -> None:
-    """All that is needed is there."""
 
 
 def _peers() -> None:
