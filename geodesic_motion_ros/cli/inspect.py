@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import os
 import time
 from dataclasses import asdict
 from pathlib import Path
@@ -92,7 +93,7 @@ def run(arguments: argparse.Namespace) -> None:
             raise ParameterError(f"--html is of skills, {path} is a recording: `train` writes one of what it learns")
         run_recording(arguments, path)
         return
-    if path.is_dir() and not (path / DESCRIPTION).exists():
+    if path.is_dir() and not os.path.lexists(path / DESCRIPTION):
         raise ParameterError(
             f"{path} holds neither a skill ({DESCRIPTION}) nor a recording (metadata.yaml, .mcap, .db3 of a bag; .csv)"
         )
