@@ -241,7 +241,7 @@ def shortest_path_from_both_ends(
                 break
             if looks == _PATIENCE and not found and meeting < 0:
                 ends = to_target, from_landmark, source, target
-                cost, count, least = any_path(adjacency, graph, *ends, deadline, buffers.nodes, buffers.edges)
+                cost, count, least = any_path(adjacency, graph, *ends, deadline.halfway, buffers.nodes, buffers.edges)
                 found, best = cost < best, min(best, cost)
                 bound = max(bound, min(best, least))
         if meeting >= 0:

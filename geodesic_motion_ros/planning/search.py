@@ -159,6 +159,22 @@ def _entry(
     return None if found < 0 else found
 
 
+@dataclass(frozen=True, eq=False)
+class BegunSearch:
+    """What a search has evaluated of a graph's nodes, among which obstacles, which stand.
+
+    unfinished : whether a search with it was out of time: the next one among the same obstacles goes on with it.
+    """
+
+    evaluation: NodeEvaluation
+    obstacles: Obstacles
+    unfinished: bool = False
+
+    def is_of(self, body: NodeBody, obstacles: Obstacles) -> bool:
+        """Whether the evaluation is of a body among obstacles."""
+        return self.evaluation.body is body and self.obstacles.is_static_and_unchanged(obstacles)
+
+
 class MarginSearch:
     """Finds the cheapest path with several margins, and searches each of them once."""
 
@@ -167,7 +183,7 @@ class MarginSearch:
         graph: LatentGraph,
         query: RefinedQuery,
         start: np.ndarray,
-        evaluation: NodeEvaluation,
+        begun: BegunSearch,
         deadline: Deadline,
         settings: PlannerSettings,
         largest: float,
@@ -176,7 +192,7 @@ class MarginSearch:
 
         Ends closer to an obstacle than a margin may stay so, but the path must not come closer than they are.
         """
-        self._graph, self._query, self._start, self._evaluation = graph, query, start, evaluation
+        self._graph, self._query, self._start, self.begun = graph, query, start, begun
         self._deadline, self._settings, self._largest = deadline, settings, largest
         self._paths: dict[float, LatentPath | Verdict] = {}
 
@@ -189,7 +205,7 @@ class MarginSearch:
         margin = self.margin(multiple)
         if margin not in self._paths:
             self._paths[margin] = cheapest_path(
-                self._graph, self._query, self._start, self._evaluation, margin, self._deadline
+                self._graph, self._query, self._start, self.begun.evaluation, margin, self._deadline
             )
         return self._paths[margin]
 
@@ -198,7 +214,7 @@ class MarginSearch:
         if not self._settings.refine:
             return path
         margin = self.margin(multiple)
-        return replace(path, polyline=refined(self._query.field, self._evaluation, margin, path.polyline))
+        return replace(path, polyline=refined(self._query.field, self.begun.evaluation, margin, path.polyline))
 
 
 def path_verdict(

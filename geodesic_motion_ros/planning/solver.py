@@ -27,6 +27,7 @@ from geodesic_motion_ros.planning.path_timer import PathTimer, TimedPath, meetin
 from geodesic_motion_ros.planning.plan import Approach, ArmQuery, MotionState, PathEnds, Plan
 from geodesic_motion_ros.planning.search import (
     NO_NODE_REMOVED,
+    BegunSearch,
     KnownPaths,
     LatentPath,
     MarginSearch,
@@ -51,7 +52,8 @@ _SAME_CLEARANCE = 0.99
 
 
 class Solver:
-    """Plans single motions on one skill; any thread may call it, as no answer depends on one before.
+    """Plans single motions on one skill; any thread may call it, as no answer depends on one before: what a search that
+    was out of time has evaluated is kept for the next one among the same obstacles, which comes farther.
 
     Entry points, each of which times a path, certifies the motion and states a verdict:
 
@@ -83,6 +85,7 @@ class Solver:
         self.attempts = constants.ATTEMPTS
         self.certifier = ArmCertifier(robot, collision, self.scene)
         self._timer = PathTimer(graph, settings, limits, self.tool, self.certifier)
+        self._unfinished: BegunSearch | None = None
 
     @property
     def cautious(self) -> tuple[Attempt, ...]:
@@ -148,6 +151,8 @@ class Solver:
                 return Plan(None, state.time, replace(verdict, code=VerdictCode.DEADLINE_MISSED, reason=reason))
             path = search.path(attempt.multiple)
             if isinstance(path, Verdict):
+                if search.begun.unfinished or path.code is VerdictCode.DEADLINE_MISSED:
+                    self._unfinished = replace(search.begun, unfinished=True)
                 return Plan(None, state.time, verdict if verdict.reason else path)
             if known is not None and known.include(path):
                 return Plan(None, state.time, Verdict(VerdictCode.OK, "the path being followed was found again"))
@@ -181,8 +186,11 @@ class Solver:
 
         The path keeps no more than half of that: an end that is nearer to an obstacle than the margin may stay so.
         """
-        start, evaluation = _latent_start(query, state), self._evaluation(query, standing)
-        return MarginSearch(self.graph, query, start, evaluation, deadline, self.settings, 0.5 * ends)
+        # Taken away: no two threads go on with it.
+        unfinished, self._unfinished = self._unfinished, None
+        goes_on = unfinished is not None and unfinished.is_of(query.body, standing)
+        begun = unfinished if goes_on else BegunSearch(self._evaluation(query, standing), standing)
+        return MarginSearch(self.graph, query, _latent_start(query, state), begun, deadline, self.settings, 0.5 * ends)
 
     def along(
         self,

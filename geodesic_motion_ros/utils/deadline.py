@@ -19,5 +19,10 @@ class Deadline:
     def passed(self) -> bool:
         return self.clock() > self.at
 
+    @property
+    def halfway(self) -> Deadline:
+        """After half of the time that is left until this one."""
+        return Deadline(0.5 * (self.clock() + self.at), self.clock)
+
 
 NEVER = Deadline()

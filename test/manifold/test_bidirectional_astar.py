@@ -140,6 +140,10 @@ class Countdown(Deadline):
         object.__setattr__(self, "left", self.left - 1)
         return self.left <= 0
 
+    @property
+    def halfway(self) -> Deadline:
+        return self
+
 
 @pytest.mark.parametrize(("shape", "neighbours"), [((60, 60), 16), ((14, 14, 14), 26)])
 def test_stopped_at_any_time_the_answer_is_a_path_with_a_true_gap_or_none_with_a_true_bound(

@@ -159,6 +159,29 @@ def test_out_of_time_the_arm_stays_and_the_next_ticks_go_on_trying(stream, start
     assert planner.tick(0.0, Deadline(-np.inf)).verdict.ok
 
 
+def test_a_search_that_was_out_of_time_goes_on_in_the_next_tick_as_long_as_obstacles_stand(
+    stream, nominal, monkeypatch
+) -> None:
+    """It evaluates no node twice; the control: another obstacle."""
+    planner, evaluated, begun = stream.planner, NodeEvaluation.of, []
+
+    def recorded(*arguments, **more) -> NodeEvaluation:
+        begun.append(arguments)
+        return evaluated(*arguments, **more)
+
+    monkeypatch.setattr(NodeEvaluation, "of", recorded)
+    hand, _ = planner.robot.forward(nominal.positions[len(nominal.positions) // 2])
+    for blocking in (hand, hand + [0.0, 0.0, 0.01]):
+        planner.set_obstacles(blocking[None], np.array([0.06]))
+        before = len(begun)
+        plans = [planner.tick(number * stream.period, Deadline(-np.inf)) for number in range(4)]
+        assert {plan.verdict.code for plan in plans} == {VerdictCode.DEADLINE_MISSED}
+        assert len(begun) == before + 1
+    last = planner.tick(4.0 * stream.period)
+    assert last.verdict.code is not VerdictCode.DEADLINE_MISSED
+    assert len(begun) == before + 1
+
+
 def test_without_avoidance_or_with_the_hand_alone_the_elbow_hits(
     stream, reach_skill, planner, start, goal, on_elbow, least_clearance
 ) -> None:
