@@ -25,6 +25,7 @@ from __future__ import annotations
 
 import difflib
 import math
+import os
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -86,15 +87,7 @@ class RobotDescription:
         ------
         RobotError : there is neither; or as `read`.
         """
-        if str(name) in shipped_robots():
-            return cls.read(SHIPPED / str(name))
-        folder = Path(name).expanduser()
-        if folder.name and folder.is_dir():
-            return cls.read(folder)
-        raise RobotError(
-            f"robot {str(name)!r} is not known here; known: {', '.join(map(repr, shipped_robots()))}, "
-            f"or the path of a folder with {FILE}"
-        )
+        return cls.read(robot_folder(name))
 
     @classmethod
     def read(cls, folder: Path) -> RobotDescription:
@@ -136,6 +129,29 @@ class RobotDescription:
             tool_spheres=tuple(_numbers("tool_spheres", row, 4) for row in rows),
             simulated_urdf=simulated, simulated_joints=joints,
         )  # fmt: skip
+
+
+def robot_folder(name: str | Path, *bases: Path) -> Path:
+    """The folder of a shipped robot by its name, or that at a path.
+
+    bases : what a relative path may start from, in this order; without them the working directory.
+
+    Raises
+    ------
+    RobotError : there is neither; the message says where the folder was looked for.
+    """
+    if str(name) in shipped_robots():
+        return SHIPPED / str(name)
+    path = Path(name).expanduser()
+    folders = [base / path for base in bases or (Path(),)]
+    for folder in folders:
+        if path.name and folder.is_dir():
+            return folder
+    looked = " nor ".join(dict.fromkeys(os.path.abspath(folder) for folder in folders))
+    raise RobotError(
+        f"robot {str(name)!r} is not known here; known: {', '.join(map(repr, shipped_robots()))}, "
+        f"or the path of a folder with {FILE}: there is no folder {looked}"
+    )
 
 
 def shipped_robots() -> tuple[str, ...]:

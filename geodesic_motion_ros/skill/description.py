@@ -22,6 +22,8 @@ METADATA = (*TEXT_FIELDS, "metric", "sigma_support", "energy_per_edge", "quality
 SHEETS = ("canonical", "raw")
 #: Names are shown in lines of text and in messages.
 LONGEST_TEXT = 200
+#: The robot may be a path.
+_LONGEST_PATH = 4096
 
 #: How orientations can have been learned, by the space.
 ORIENTATION_MODELS = {"task": ("two_cluster", "sign_blind"), "joint": ("none",)}
@@ -55,7 +57,7 @@ def check_description(described: Any) -> None:
     if missing:
         raise SkillError(f"lacks {', '.join(missing)}")
     for name in TEXT_FIELDS:
-        check_text(name, described[name])
+        check_text(name, described[name], _LONGEST_PATH if name == "robot" else LONGEST_TEXT)
     space = described["space"]
     if space not in ORIENTATION_MODELS:
         raise SkillError(f"skills of space {space!r} are not known here; known: {_listed(ORIENTATION_MODELS)}")

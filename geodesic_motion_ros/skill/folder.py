@@ -16,7 +16,7 @@ from geodesic_motion_ros.manifold.decoder import TaskSpaceDecoder
 from geodesic_motion_ros.manifold.encoder import JointSpaceEncoder, TaskSpaceEncoder
 from geodesic_motion_ros.manifold.joint_decoder import JointSpaceDecoder
 from geodesic_motion_ros.manifold.pose_graph import MetricSettings
-from geodesic_motion_ros.robot.description import shipped_robots
+from geodesic_motion_ros.robot.description import robot_folder, shipped_robots
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.skill.description import DESCRIPTION, LATENT, METADATA, WEIGHTS, check_description
 from geodesic_motion_ros.skill.joint_sheet import JointSheet
@@ -85,9 +85,11 @@ def read_folder(path: Path) -> dict[str, Any]:
 
 
 def _robot(name: str, path: Path) -> str:
-    """A robot's name, or the path of its folder, which a skill may give relative to its own."""
-    inside = path / name
-    return str(inside.resolve()) if name not in shipped_robots() and inside.is_dir() else name
+    """A shipped robot's name, or the absolute path of its folder, which a skill gives relative to its own.
+
+    Paths in skills that were saved before are relative to the working directory of their training.
+    """
+    return name if name in shipped_robots() else str(robot_folder(name, path, Path()).resolve())
 
 
 def _content(path: Path, name: str) -> bytes:

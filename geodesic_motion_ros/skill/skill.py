@@ -29,7 +29,7 @@ from geodesic_motion_ros.manifold.decoder import TaskSpaceDecoder
 from geodesic_motion_ros.manifold.joint_decoder import JointSpaceDecoder
 from geodesic_motion_ros.manifold.mean_path import MeanPaths
 from geodesic_motion_ros.manifold.pose_graph import MetricSettings, PoseGraph, build_pose_graph
-from geodesic_motion_ros.robot.description import DEFAULT_ROBOT
+from geodesic_motion_ros.robot.description import DEFAULT_ROBOT, shipped_robots
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.skill.description import DESCRIPTION, FILES, FORMAT_VERSION, LATENT, METADATA, WEIGHTS
 from geodesic_motion_ros.skill.folder import CANONICAL_ARRAYS, LARGEST_DESCRIPTION, LATENT_ARRAYS, read_folder
@@ -176,7 +176,8 @@ class Skill(LearnedModel):
     def save(self, folder: str | os.PathLike[str]) -> Path:
         """Write the folder, all or nothing: an interrupted save leaves what was there before. Returns the folder.
 
-        Over an older skill only the files of the skill change: a model card and pictures beside them stay.
+        Over an older skill only the files of the skill change: a model card and pictures beside them stay. The folder
+        of a robot is written relative to that of the skill, so that both can be moved together.
 
         Raises
         ------
@@ -197,6 +198,7 @@ class Skill(LearnedModel):
                 described["offset_fade"] = self.canonical.fade
             np.savez(draft / LATENT, **latent)
             described |= {name: getattr(self, name) for name in METADATA} | {"metric": asdict(self.metric)}
+            described["robot"] = _relative_robot(self.robot, target)
             if self.scene is not None:
                 described["scene"] = self.scene
             described["sha256"] = {name: hashlib.sha256((draft / name).read_bytes()).hexdigest() for name in FILES}
@@ -241,6 +243,13 @@ def _replace_folder(draft: Path, target: Path) -> None:
     target.rename(old)
     draft.rename(target)
     shutil.rmtree(old.parent)
+
+
+def _relative_robot(robot: str, folder: Path) -> str:
+    """A shipped robot's name, or the path of its folder relative to a skill's."""
+    if robot in shipped_robots():
+        return robot
+    return Path(os.path.relpath(Path(robot).expanduser().resolve(), folder.resolve())).as_posix()
 
 
 def _resolve(folder: str | os.PathLike[str]) -> Path:

@@ -12,6 +12,7 @@ import pytest
 import yaml
 
 from geodesic_motion_ros.robot.collision_model import CollisionModel, self_clearance
+from geodesic_motion_ros.robot.description import RobotDescription
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.skill.skill import Skill
 from geodesic_motion_ros.utils.errors import SkillError
@@ -61,6 +62,32 @@ def test_what_it_was_recorded_in_comes_back_and_may_be_left_out(fan_skill, folde
     edit(folder, scene=["table"])
     with pytest.raises(SkillError, match=r"scene is .*; it must hold names with their values"):
         Skill.load(folder)
+
+
+def test_a_skill_finds_the_folder_of_its_robot_from_everywhere(fan_skill, tmp_path, monkeypatch):
+    lab, elsewhere = tmp_path / "lab", tmp_path / "elsewhere"
+    arm = shutil.copytree(RobotDescription.named("panda").folder, lab / "robots" / "arm")
+    elsewhere.mkdir()
+    monkeypatch.chdir(lab)
+    saved = replace(fan_skill, robot="robots/arm").save("skills/fan")
+    assert yaml.safe_load((saved / "skill.yaml").read_text())["robot"] == "../../robots/arm"
+    monkeypatch.chdir(elsewhere)
+    loaded = Skill.load(saved)
+    assert Path(loaded.robot) == arm
+    assert Path(Skill.load(loaded.save("copies/of/fan")).robot) == arm
+    monkeypatch.chdir(tmp_path)
+    moved = lab.rename(tmp_path / "moved")
+    assert Path(Skill.load(moved / "skills" / "fan").robot) == moved / "robots" / "arm"
+    shutil.rmtree(moved / "robots")
+    with pytest.raises(SkillError, match=f"'../../robots/arm' is not known here.*no folder {moved}/robots/arm nor "):
+        Skill.load(moved / "skills" / "fan")
+
+
+def test_a_skill_of_a_shipped_robot_names_it(fan_skill, folder, tmp_path, monkeypatch):
+    (tmp_path / "panda").mkdir()
+    monkeypatch.chdir(tmp_path)
+    assert yaml.safe_load((fan_skill.save(folder) / "skill.yaml").read_text())["robot"] == "panda"
+    assert Skill.load(folder).robot == "panda"
 
 
 def test_a_canonical_skill_comes_back_bit_by_bit(canonical_fan_skill, canonical_folder):
