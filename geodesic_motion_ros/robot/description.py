@@ -38,6 +38,7 @@ SHIPPED = Path(__file__).parent / "robots"
 #: The robot of the teachers, the demo and the commands where no other one is named.
 DEFAULT_ROBOT = "panda"
 
+_REMEDY = f"a folder with {FILE}; `geodesic-motion robot FILE --base LINK --tip LINK --out DIR` makes such a folder"
 _TEXTS = ("name", "base_link", "tool_link", "limits_source")
 _FILES = ("urdf", "limits", "spheres")
 _OPTIONAL = ("hand", "tool_spheres", "inverse_kinematics", "simulation")
@@ -91,9 +92,10 @@ class RobotDescription:
         folder = Path(name).expanduser()
         if folder.name and folder.is_dir():
             return cls.read(folder)
+        what = "is a file" if folder.is_file() else "is not known here"
         raise RobotError(
-            f"robot {str(name)!r} is not known here; known: {', '.join(map(repr, shipped_robots()))}, "
-            f"or the path of a folder with {FILE}"
+            f"robot {str(name)!r} {what}; known: {', '.join(map(repr, shipped_robots()))}, "
+            f"or the path of {_REMEDY}"
         )
 
     @classmethod
@@ -111,7 +113,8 @@ class RobotDescription:
             return cls._of(table, folder)
         except (OSError, FileError, RobotError) as error:
             reason = error.strerror if isinstance(error, OSError) else error
-            raise RobotError(f"{file}: {reason}") from error
+            remedy = f": a robot is {_REMEDY}" if isinstance(error, FileNotFoundError) else ""
+            raise RobotError(f"{file}: {reason}{remedy}") from error
 
     @classmethod
     def _of(cls, table: Any, folder: Path) -> RobotDescription:
