@@ -7,12 +7,11 @@ import shlex
 from collections.abc import Mapping
 from pathlib import Path
 
-import numpy as np
 import pytest
 import rclpy
 
 from geodesic_motion_ros.nodes import planner_node, twin_node
-from geodesic_motion_ros.nodes.parameter_tables import TABLES, TWIN
+from geodesic_motion_ros.nodes.parameter_tables import TABLES
 from geodesic_motion_ros.nodes.parameters import NodeParameters, Value
 from geodesic_motion_ros.nodes.twin_parameters import scripted_spheres
 from geodesic_motion_ros.nodes.usage import usage, wants_help
@@ -47,31 +46,43 @@ def test_a_parameter_without_p_is_not_taken_for_a_name_to_remap() -> None:
     assert not wants_help("planner", ["--ros-args", "--params-file", "of:=mine.yaml", "-r", "ee_pose:=tool"])
 
 
-def given_to_the_twin(line: str) -> Mapping[str, Value]:
-    """The twin's parameters as a command line sets them, through a shell and ROS."""
+def given(line: str, name: str) -> Mapping[str, Value]:
+    """The parameters of a node as a command line sets them, through a shell and ROS."""
     context = rclpy.Context()
-    rclpy.init(args=shlex.split(line), context=context)
-    node = rclpy.create_node("twin", context=context)
+    rclpy.init(args=shlex.split(line, comments=True), context=context)
+    node = rclpy.create_node(name, context=context)
     try:
-        return NodeParameters(node, TWIN, lambda values: None, lambda values: None).values
+        return NodeParameters(node, TABLES[name], lambda values: None, lambda values: None).values
     finally:
         node.destroy_node()
         rclpy.try_shutdown(context=context)
 
 
-def test_the_spheres_of_examples_are_understood() -> None:
-    page = Path(__file__).resolve().parents[2] / "config" / "README.md"
-    begin = r"^ *((?:ros2 run geodesic_motion_ros |\.venv/bin/)?twin --ros-args .*)$"
-    lines = re.findall(begin, page.read_text() + usage("twin", TWIN), re.MULTILINE)
-    assert [line.split(" --ros-args")[0] for line in lines] == [
-        "ros2 run geodesic_motion_ros twin", ".venv/bin/twin", "twin",
-    ]  # fmt: skip
-    for line in lines:
-        values = given_to_the_twin(line)
-        assert values["spawn_at_start"]
-        np.testing.assert_allclose(scripted_spheres(values["spheres"]).items["ball"].centre, [0.24, 0.17, 0.44])
+REPOSITORY = Path(__file__).resolve().parents[2]
+PAGES = [REPOSITORY / "config" / "README.md", *sorted((REPOSITORY / "doc").glob("*.md"))]
+TEXT = "\n".join([*(page.read_text() for page in PAGES), *(usage(name, table) for name, table in TABLES.items())])
+#: Command lines that start a node, each with its name.
+STARTS = re.findall(
+    r"^ *((?:ros2 run geodesic_motion_ros |\.venv/bin/)?(twin|planner|record) --ros-args .*)$",
+    TEXT.replace("\\\n", " "), re.MULTILINE,
+)  # fmt: skip
+
+
+def test_the_command_lines_of_pages_and_help_are_understood() -> None:
+    with_spheres = []
+    for line, name in STARTS:
+        values = given(line, name)
+        if values.get("spheres"):
+            assert values["spawn_at_start"]
+            assert scripted_spheres(values["spheres"]).items["ball"].radius == 0.04
+            with_spheres.append(line.split(" --ros-args")[0])
+    assert set(with_spheres) == {"ros2 run geodesic_motion_ros twin", ".venv/bin/twin", "twin"}
+
+
+def test_spheres_without_inner_quotes_are_refused() -> None:
+    (line,) = [line for line, _ in STARTS if line.startswith("twin ")]
     with pytest.raises(RuntimeError, match="parse"):
-        given_to_the_twin(lines[-1].replace("'", ""))
+        given(line.replace("'", ""), "twin")
 
 
 @pytest.mark.parametrize("module", [planner_node, twin_node])
