@@ -74,7 +74,7 @@ setup(
     entry_points={
         "console_scripts": [
             *(f"{name} = {NAME}.{folder}.start:{name}" for name, folder in EXECUTABLES.items()),
-            f"geodesic-motion = {NAME}.studies.cli:main",
+            f"geodesic-motion = {NAME}.__main__:main",
         ]
     },
     zip_safe=True,

@@ -7,8 +7,6 @@ One file per command. A command's libraries (torch, matplotlib, rclpy) are impor
 from __future__ import annotations
 
 import argparse
-import os
-import signal
 import sys
 from collections.abc import Iterable, Sequence
 from typing import Protocol
@@ -17,6 +15,7 @@ from geodesic_motion_ros.cli import demo, demonstrate, goal, guide, inspect, rob
 from geodesic_motion_ros.cli.arguments import HelpFormatter
 from geodesic_motion_ros.planning.kernels import compile_kernels
 from geodesic_motion_ros.utils.errors import GeodesicMotionError
+from geodesic_motion_ros.utils.piped_output import until_reader_leaves
 
 _DESCRIPTION = """\
 Reactive robot motion learned from demonstrations: a skill is a latent space whose shortest paths are the motion.
@@ -69,19 +68,17 @@ def main(argv: Sequence[str] | None = None, parser: argparse.ArgumentParser | No
 
     parser : by default that of the product's commands.
     """
-    arguments = (parser or build_parser()).parse_args(argv)
+    return until_reader_leaves(lambda: _run(argv, parser))
+
+
+def _run(argv: Sequence[str] | None, parser: argparse.ArgumentParser | None) -> int:
     try:
+        arguments = (parser or build_parser()).parse_args(argv)
         compile_kernels()
-        status = arguments.run(arguments) or 0
-        sys.stdout.flush()
-        return status
+        return arguments.run(arguments) or 0
     except GeodesicMotionError as error:
         print(f"geodesic-motion: {' '.join(str(error).split())}", file=sys.stderr)
         return 2
     except KeyboardInterrupt:
         print("geodesic-motion: interrupted", file=sys.stderr)
         return 130
-    except BrokenPipeError:
-        # The reader has seen enough, as `head` has; what is left to be written at the end goes nowhere.
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        return 128 + signal.SIGPIPE

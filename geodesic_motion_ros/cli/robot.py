@@ -78,14 +78,15 @@ def add_command(commands: argparse._SubParsersAction) -> None:
     parser.add_argument("--tip", required=True, metavar="LINK", help="the link that skills move")
     parser.add_argument("--out", type=Path, required=True, metavar="DIR", help="the folder to make")
     parser.add_argument("--name", help="what the robot is called; as its folder without it")
+    # Required, but not of argparse: `run` asks for them together with the joints' names, which stand in the URDF.
     each = "one number for all joints, or one for each joint"
-    parser.add_argument("--acceleration", type=numbers, metavar="A", help=f"limits [rad/s^2, m/s^2], {each}")
-    parser.add_argument("--jerk", type=numbers, metavar="J", help=f"limits [rad/s^3, m/s^3], {each}")
+    parser.add_argument("--acceleration", type=numbers, metavar="A", help=f"required: limits [rad/s^2, m/s^2], {each}")
+    parser.add_argument("--jerk", type=numbers, metavar="J", help=f"required: limits [rad/s^3, m/s^3], {each}")
     parser.add_argument(
         "--velocity", type=numbers, metavar="V",
         help=f"limits [rad/s, m/s] where the URDF has none, or wrong ones, {each}",
     )  # fmt: skip
-    parser.add_argument("--limits-source", metavar="TEXT", help="where these limits are from")
+    parser.add_argument("--limits-source", metavar="TEXT", help="required: where these limits are from")
     parser.add_argument("--ready", type=numbers, metavar="Q", help="a comfortable posture [rad]; proposed without it")
     parser.add_argument(
         "--beside", type=position, action="append", metavar="JOINT=POSITION",

@@ -25,7 +25,8 @@ PLANNER = (
     Parameter(
         "base_frame",
         _ROBOT.base_link,
-        "Frame of all poses; messages in other frames go through tf2 where it is installed, and are refused otherwise",
+        "Frame of all poses; messages in other frames go through tf2 where it is installed, and are refused otherwise. "
+        "The default stands for the skill's own frame",
     ),
     Parameter("rate", 100.0, "Planning cycles per second", "Hz", 10.0, 1000.0),
     Parameter(
@@ -45,7 +46,8 @@ PLANNER = (
     Parameter(
         "tool_spheres",
         [number for sphere in _ROBOT.tool_spheres for number in sphere],
-        "Spheres fixed in the tool frame that obstacles are kept away from, each as x, y, z, radius",
+        "Spheres fixed in the tool frame that obstacles are kept away from, each as x, y, z, radius. The default "
+        "stands for those of the skill's robot",
         "m",
         -2.0,
         2.0,
@@ -372,7 +374,11 @@ PLANNER = (
 )
 
 TWIN = (
-    Parameter("base_frame", _ROBOT.base_link, "Frame of all poses; messages in other frames are refused"),
+    Parameter(
+        "base_frame",
+        _ROBOT.base_link,
+        "Frame of all poses; messages in other frames are refused. The default stands for the base link of the robot",
+    ),
     Parameter(
         "skill",
         "panda_reach_to_grasp",
@@ -435,7 +441,13 @@ TWIN = (
         "What always stands around the arm, as declared to the planner: a file, as in config/scenes, or the name of "
         "one of those; none: nothing; empty: what the skill was recorded in, if it says so",
     ),
-    Parameter("spheres", "", "Obstacles that `~/spawn_obstacles` puts into the world; empty for none", read_only=False),
+    Parameter(
+        "spheres",
+        "",
+        "Obstacles that `~/spawn_obstacles` puts into the world: a name, or a YAML mapping, which needs quotes within "
+        "quotes on a command line (an example: twin --help); empty for none",
+        read_only=False,
+    ),
     Parameter("spawn_at_start", False, "Spawn the spheres as soon as the twin starts"),
 )
 

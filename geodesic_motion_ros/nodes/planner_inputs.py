@@ -89,6 +89,7 @@ class PlannerInputs:
         self.plausible = PlausibleJoints(robot)
         self._joints: np.ndarray | None = None
         self._joints_taken = 0.0
+        self._joints_refused = ""
         self._goal: tuple[np.ndarray, np.ndarray] | np.ndarray | Verdict | None = None
         self._goal_number = 0
         self._goal_in_task_frame = False
@@ -103,7 +104,7 @@ class PlannerInputs:
         self._load = ObstacleLoad()
         self._cloud_figures = CloudFigures()
         self._cloud_thread = CloudThread(self._field_of, self._take_field, self._cloud_failed)
-        self._subscribe(JointState, "joint_states", self._on_joint_states, RECENT)
+        node.create_subscription(JointState, "joint_states", self.on_joint_states, RECENT)
         self._subscribe(PoseStamped, "goal_pose", self._on_goal, GOALS)
         self._subscribe(JointState, "goal_joints", self._on_goal_joints, GOALS)
         self._subscribe(PoseStamped, "task_frame", self.on_task_frame, GOALS)
@@ -131,7 +132,7 @@ class PlannerInputs:
         moment = self.time.read()
         now = moment.running
         with self._lock:
-            joints, taken = self._joints, self._joints_taken
+            joints, taken, state_refused = self._joints, self._joints_taken, self._joints_refused
             goal, number, hold = self._goal, self._goal_number, self._hold
             task_frame, relative = self._task_frame, self._goal_in_task_frame
             publishers, subscribers = self._publishers, self._subscribers
@@ -163,6 +164,7 @@ class PlannerInputs:
             set_by=moment.set_by,
             held=held,
             held_refused=held_refused,
+            state_refused=state_refused,
         )
 
     def ages(self) -> dict[str, float]:
@@ -240,7 +242,13 @@ class PlannerInputs:
                 self._tracker.refuse(topic, guard.reason)
             self._obstacles_changed()
 
-    def _on_joint_states(self, message: JointState) -> None:
+    def on_joint_states(self, message: JointState) -> None:
+        with self.refusals.guard("joint_states") as guard:
+            self._take_joint_states(message)
+        with self._lock:
+            self._joints_refused = guard.reason
+
+    def _take_joint_states(self, message: JointState) -> None:
         joints = read_joint_positions(message, self._robot.joint_names)
         check_limits(joints, self._robot)
         moment = self.time.read()

@@ -20,6 +20,7 @@ from nav_msgs.srv import GetPlan
 from std_srvs.srv import SetBool, Trigger
 
 from geodesic_motion_ros.geometry.task_frame import TaskFrame
+from geodesic_motion_ros.nodes.arrival import ArrivalWatch
 from geodesic_motion_ros.nodes.background_service import BackgroundService
 from geodesic_motion_ros.nodes.messages import FrameLookup, MessageRefused, path_message, read_pose
 from geodesic_motion_ros.nodes.parameter_tables import PLANNER
@@ -79,6 +80,7 @@ class PlannerNode(LoopingNode):
         self._said: dict[str, float] = {}
         self._newest_plan = ""
         self._held: tuple[HeldObject, ...] = ()
+        self._arrival = ArrivalWatch(self.kind)
         self._newest: tuple[CycleInputs, CycleOutput] | None = None
         self._period = 1.0 / values["rate"]
         self.loop = SteadyLoop(self._tick, values["rate"], self._died, name="planner")
@@ -141,6 +143,8 @@ class PlannerNode(LoopingNode):
             self._say(output.verdict)
         if previous is not None and previous[1].goal_verdict is not output.goal_verdict:
             self._say_goal(output)
+        if arrived := self._arrival.observe(inputs, output):
+            self.get_logger().info(arrived)
         if previous is None or _path_news(previous, (inputs, output)):
             self._publish_path(output)
 

@@ -1,4 +1,4 @@
-"""Refused inputs and failed callbacks: counted by topic or service, reported once a second, the newest remembered."""
+"""Refused inputs and failed callbacks: counted by topic or service, reported now and then, the newest remembered."""
 
 from __future__ import annotations
 
@@ -12,9 +12,13 @@ from typing import Any
 
 from geodesic_motion_ros.nodes.messages import MessageRefused
 
+#: So many times longer than of another reason it takes until the same one is warned of again.
+_REPEATED = 10.0
+
 
 class Refusals:
-    """Counts refusals by topic and warns of them, for each topic at most once in `quiet` seconds.
+    """Counts refusals by topic and warns of them, for each topic at most once in `quiet` seconds, and of one reason
+    again in ten times that: what is refused for ever must not fill the log.
 
     `with refusals.guard("goal_pose") as guard:` swallows a MessageRefused raised inside and books it. So it does with
     any other exception, whose traceback is logged as well: one message, request or timer must not end the node.
@@ -25,7 +29,7 @@ class Refusals:
         self._warn, self._quiet = warn, quiet
         self._lock = threading.Lock()
         self._counts: dict[str, int] = {}
-        self._warned: dict[str, float] = {}
+        self._warned: dict[str, tuple[float, str]] = {}
         self._newest, self._newest_at = "", -float("inf")
 
     def add(self, topic: str, reason: str, details: str = "", prefix: str = "refused a message on") -> None:
@@ -34,9 +38,10 @@ class Refusals:
         with self._lock:
             self._counts[topic] = self._counts.get(topic, 0) + 1
             self._newest, self._newest_at = f"{topic}: {reason}", now
-            quiet = now - self._warned.get(topic, -float("inf")) < self._quiet
+            warned_at, warned_of = self._warned.get(topic, (-float("inf"), ""))
+            quiet = now - warned_at < self._quiet * (_REPEATED if reason == warned_of else 1.0)
             if not quiet:
-                self._warned[topic] = now
+                self._warned[topic] = now, reason
         if not quiet:
             self._warn(f"{prefix} {topic}: {reason}{details}")
 

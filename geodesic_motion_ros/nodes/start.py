@@ -16,6 +16,7 @@ from types import FrameType
 
 from geodesic_motion_ros import nodes as _nodes  # noqa: F401  (sets the environment of numpy before it is loaded)
 from geodesic_motion_ros.planning.kernels import compile_kernels
+from geodesic_motion_ros.utils.piped_output import until_reader_leaves
 
 
 def planner() -> int:
@@ -50,7 +51,7 @@ def start(module: str, interrupted: int, answer: Callable[[], int | None], *argu
     numbers = (signal.SIGINT, signal.SIGTERM)
     before = [signal.signal(number, end) for number in numbers]
     try:
-        if (code := answer()) is not None:
+        if (code := until_reader_leaves(answer)) is not None:
             return code
         compile_kernels()
         main = importlib.import_module(module).main

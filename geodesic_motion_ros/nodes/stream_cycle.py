@@ -50,6 +50,7 @@ class CycleInputs(Generic[Place]):
     measured : where the newest joint state says that the arm is: tool pose (position (3,) [m], quaternion (4,)), or
         configuration (eta,) [rad]; None before the first.
     state_age : [s] since that joint state was taken.
+    state_refused : why the newest message of joint states was refused; "" where it was not.
     goal : the newest requested goal, a pose or a configuration, or the verdict with which its message was refused; None
         before the first.
     goal_number : grows with every requested goal.
@@ -89,6 +90,7 @@ class CycleInputs(Generic[Place]):
     set_by: float = 0.0
     held: tuple[HeldObject, ...] = ()
     held_refused: str = ""
+    state_refused: str = ""
 
     def without(self, labels: Collection[str]) -> CycleInputs[Place]:
         """Where obstacles of these labels do not count."""
@@ -355,13 +357,16 @@ class StreamCycle(ABC, Generic[Place, Prepared]):
         """Why it is not known where the arm is; None where it is. After `resume_timeout` the goal is dropped."""
         if _without_clock(inputs):
             return Halt(Verdict(VerdictCode.STALE_STATE, NO_CLOCK))
+        refused = inputs.state_refused
         if inputs.measured is None:
-            return Halt(Verdict(VerdictCode.STALE_STATE, f"{self.state_topic}: none has arrived yet"))
+            reason = f"all have been refused, the last one as: {refused}" if refused else "none has arrived yet"
+            return Halt(Verdict(VerdictCode.STALE_STATE, f"{self.state_topic}: {reason}"))
         age, allowed = inputs.state_age, self.state_timeout
         if age <= allowed:
             return None
         missing = f"joint_states were missing for more than {self.resume_timeout:g} s"
-        reason = f"{self.state_topic}: the newest is {age:.3f} s old, allowed are {allowed:g} s"
+        since = f"; those since then have been refused, the last one as: {refused}" if refused else ""
+        reason = f"{self.state_topic}: the newest is {age:.3f} s old, allowed are {allowed:g} s{since}"
         return Halt(Verdict(VerdictCode.STALE_STATE, reason), missing if age > self.resume_timeout else "")
 
     def _follow_measured(self, inputs: CycleInputs[Place], advance: float) -> Verdict | None:

@@ -12,6 +12,12 @@ from geodesic_motion_ros.nodes.parameter_tables import TABLES
 from geodesic_motion_ros.nodes.parameters import Parameter, short_text
 from geodesic_motion_ros.utils.errors import ParameterError
 
+#: A command line that shows what the table of parameters cannot.
+_EXAMPLES = {
+    "twin": "twin --ros-args -p spawn_at_start:=true -p spheres:=\"'"
+    "{ball: {kind: static, centre: [0.24, 0.17, 0.44], radius: 0.04}}'\""
+}
+
 
 def answer(name: str, arguments: Sequence[str] | None) -> int | None:
     """The exit code where a command line (without the program) asks for help or cannot be; it is answered then.
@@ -59,4 +65,6 @@ def usage(name: str, table: Sequence[Parameter]) -> str:
         lines.append(f"  {parameter.name} = {short_text(parameter.default)}")
         description = f"{parameter.description}; {parameter.allowed}"
         lines += textwrap.wrap(description, 110, initial_indent="      ", subsequent_indent="      ")
+    if name in _EXAMPLES:
+        lines += ["", "example:", f"  {_EXAMPLES[name]}"]
     return "\n".join(lines)

@@ -39,6 +39,7 @@ SHIPPED = Path(__file__).parent / "robots"
 #: The robot of the teachers, the demo and the commands where no other one is named.
 DEFAULT_ROBOT = "panda"
 
+_REMEDY = f"a folder with {FILE}; `geodesic-motion robot FILE --base LINK --tip LINK --out DIR` makes such a folder"
 _TEXTS = ("name", "base_link", "tool_link", "limits_source")
 _FILES = ("urdf", "limits", "spheres")
 _OPTIONAL = ("hand", "tool_spheres", "inverse_kinematics", "simulation")
@@ -104,7 +105,8 @@ class RobotDescription:
             return cls._of(table, folder)
         except (OSError, FileError, RobotError) as error:
             reason = error.strerror if isinstance(error, OSError) else error
-            raise RobotError(f"{file}: {reason}") from error
+            remedy = f": a robot is {_REMEDY}" if isinstance(error, FileNotFoundError) else ""
+            raise RobotError(f"{file}: {reason}{remedy}") from error
 
     @classmethod
     def _of(cls, table: Any, folder: Path) -> RobotDescription:
@@ -147,11 +149,12 @@ def robot_folder(name: str | Path, *bases: Path) -> Path:
     for folder in folders:
         if path.name and folder.is_dir():
             return folder
-    looked = " nor ".join(dict.fromkeys(os.path.abspath(folder) for folder in folders))
-    raise RobotError(
-        f"robot {str(name)!r} is not known here; known: {', '.join(map(repr, shipped_robots()))}, "
-        f"or the path of a folder with {FILE}: there is no folder {looked}"
-    )
+    what, looked = "is a file", ""
+    if not path.is_file():
+        places = " nor ".join(dict.fromkeys(os.path.abspath(folder) for folder in folders))
+        what, looked = "is not known here", f"; there is no folder {places}"
+    names = ", ".join(map(repr, shipped_robots()))
+    raise RobotError(f"robot {str(name)!r} {what}; known: {names}{looked}; or give the path of {_REMEDY}")
 
 
 def shipped_robots() -> tuple[str, ...]:

@@ -19,6 +19,7 @@ from geodesic_motion_ros.studies.cli import build_parser, main
 from geodesic_motion_ros.utils.errors import ParameterError
 
 REPOSITORY = Path(__file__).resolve().parents[2]
+PACKAGE = "geodesic_motion_ros"
 READ = ("--demos", "{reach}", "--units", "cm")
 COMMANDS = ("demonstrate", "train", "evaluate", "inspect", "demo", "goal", "experiment", "timing", "faults")
 
@@ -34,17 +35,63 @@ def test_help_names_every_command_and_gives_examples() -> None:
     assert "geodesic-motion train --demos" in done.stdout
 
 
+def node(program: str, folder: str = "nodes") -> list[str]:
+    return [sys.executable, "-c", f"import sys; from {PACKAGE}.{folder}.start import {program} as run; sys.exit(run())"]
+
+
 @pytest.mark.parametrize("unbuffered", ["", "1"])
-def test_a_reader_that_has_seen_enough_is_no_error(unbuffered) -> None:
+@pytest.mark.parametrize(
+    ("command", "statuses"),
+    [
+        (module("faults", "--list"), {128 + signal.SIGPIPE}),
+        # argparse itself overlooks that its text cannot be written
+        (module("benchmark", "--help"), {128 + signal.SIGPIPE, 0}),
+        ([*node("twin"), "--help"], {128 + signal.SIGPIPE}),
+        ([*node("demo", "demo"), "--help"], {128 + signal.SIGPIPE, 0}),
+    ],
+    ids=["list", "help", "twin", "demo"],
+)
+def test_a_reader_that_has_seen_enough_is_no_error(command, statuses, unbuffered) -> None:
     reading, writing = os.pipe()
     os.close(reading)
     done = subprocess.run(
-        module("faults", "--list"), cwd=REPOSITORY, stdout=writing, stderr=subprocess.PIPE, text=True,
+        command, cwd=REPOSITORY, stdout=writing, stderr=subprocess.PIPE, text=True,
         env=os.environ | {"PYTHONUNBUFFERED": unbuffered},
     )  # fmt: skip
     os.close(writing)
     assert done.stderr == ""
-    assert done.returncode == 128 + signal.SIGPIPE
+    assert done.returncode in statuses
+
+
+def test_the_reason_of_an_error_is_stated_where_nobody_reads_the_output(tmp_path) -> None:
+    reading, writing = os.pipe()
+    os.close(reading)
+    command = module("inspect", str(tmp_path / "nothing"))
+    done = subprocess.run(command, cwd=REPOSITORY, stdout=writing, stderr=subprocess.PIPE, text=True)
+    os.close(writing)
+    assert done.returncode == 2
+    assert done.stderr.startswith("geodesic-motion: ")
+
+
+# Interrupts its own process at the very moment when a library of the commands is looked for.
+INTERRUPTED = """
+import os, signal, sys
+
+class Interrupter:
+    def find_spec(self, name, path=None, target=None):
+        if name == "geodesic_motion_ros.cli":
+            os.kill(os.getpid(), signal.SIGINT)
+        return None
+
+sys.meta_path.insert(0, Interrupter())
+from geodesic_motion_ros.__main__ import main
+sys.exit(main())
+"""
+
+
+def test_an_interrupt_while_the_commands_load_ends_without_a_traceback() -> None:
+    done = subprocess.run([sys.executable, "-c", INTERRUPTED], cwd=REPOSITORY, capture_output=True, text=True)
+    assert (done.returncode, done.stdout, done.stderr) == (130, "", "geodesic-motion: interrupted\n")
 
 
 @pytest.mark.parametrize("command", [command for command in COMMANDS if command != "demo"])

@@ -29,6 +29,14 @@ def test_what_is_missing_is_named(arguments: list[str], message: str, tmp_path: 
     assert not (tmp_path / "arm").exists()
 
 
+def test_the_help_marks_what_a_urdf_does_not_say_as_required(capsys) -> None:
+    with pytest.raises(SystemExit):
+        main(["robot", "--help"])
+    shown = " ".join(capsys.readouterr().out.split())
+    for option in ("--acceleration A", "--jerk J", "--limits-source TEXT"):
+        assert f" {option} required: " in shown
+
+
 @pytest.mark.parametrize("option", [["--package", "arm=none"], ["--package", "arm"], ["height=2"]])
 def test_what_cannot_be_a_package_or_an_argument_is_refused(option: list[str], tmp_path: Path, capsys) -> None:
     with pytest.raises(SystemExit):

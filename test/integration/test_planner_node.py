@@ -57,6 +57,9 @@ class TestStates:
         assert np.all(steps < TOOL_LIMITS.speed * 1.2 * np.diff(times) + 1e-3)
         assert np.all(np.sum(quaternions[1:] * quaternions[:-1], axis=1) > 0.99)
         np.testing.assert_allclose(np.linalg.norm(quaternions, axis=1), 1.0, atol=1e-9)
+        moving.listen_to_log()
+        (line,) = moving.wait(lambda: moving.logged("at the goal after"), "the arrival in the log")
+        assert line.endswith("0.0 mm and 0.0 deg from it")
 
     def test_stops_when_joint_states_stop_and_resumes_when_they_return(self, moving):
         moving.probe.destroy_timer(moving.joint_states)

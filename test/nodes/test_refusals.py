@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import time
+
 import pytest
 from std_srvs.srv import Trigger
 
@@ -30,6 +32,18 @@ def test_warns_again_when_the_quiet_time_is_over():
     refusals.add("goal_pose", "first")
     refusals.add("goal_pose", "second")
     assert len(warnings) == 2
+
+
+def test_a_reason_that_stays_is_warned_of_less_often_than_a_new_one():
+    warnings: list[str] = []
+    refusals = Refusals(warnings.append, quiet=0.05)
+    until = time.monotonic() + 0.3
+    while time.monotonic() < until:
+        refusals.add("joint_states", "lacks a joint")
+        refusals.add("goal_pose", f"at {time.monotonic()}")
+    about = [warning.split()[4] for warning in warnings]
+    assert about.count("joint_states:") == 1
+    assert about.count("goal_pose:") > 1
 
 
 def test_any_other_error_is_counted_and_reported_with_its_type_and_place():

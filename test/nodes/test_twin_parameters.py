@@ -9,6 +9,7 @@ import pytest
 
 from geodesic_motion_ros.nodes.parameter_tables import TWIN
 from geodesic_motion_ros.nodes.twin_parameters import (
+    base_frame,
     check_twin,
     initial_joints,
     scene_around,
@@ -48,6 +49,13 @@ def test_joints_that_are_given_come_before_the_skill() -> None:
 def test_messages_come_no_rarer_than_requested_and_never_at_rate_zero() -> None:
     steps = steps_per_message(values(physics_rate=240.0, state_rate=100.0, obstacle_rate=240.0, image_rate=0.0))
     assert steps == {"state_rate": 2, "obstacle_rate": 1, "image_rate": 0}
+
+
+def test_the_default_frame_stands_for_that_of_the_robot() -> None:
+    ur5 = Robot.named("ur5")
+    assert base_frame(values()) == DEFAULTS["base_frame"] == PANDA.base_link
+    assert base_frame(values(skill="ur5_reach")) == base_frame(values(skill="", robot="ur5")) == ur5.base_link
+    assert base_frame(values(skill="ur5_reach", base_frame="world")) == "world"
 
 
 def test_spheres_are_named_or_described_or_none() -> None:

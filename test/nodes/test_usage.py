@@ -2,10 +2,18 @@
 
 from __future__ import annotations
 
+import re
+import shlex
+from collections.abc import Mapping
+from pathlib import Path
+
 import pytest
+import rclpy
 
 from geodesic_motion_ros.nodes import planner_node, twin_node
 from geodesic_motion_ros.nodes.parameter_tables import TABLES
+from geodesic_motion_ros.nodes.parameters import NodeParameters, Value
+from geodesic_motion_ros.nodes.twin_parameters import scripted_spheres
 from geodesic_motion_ros.nodes.usage import usage, wants_help
 from geodesic_motion_ros.utils.errors import ParameterError
 
@@ -36,6 +44,45 @@ def test_a_parameter_without_p_is_not_taken_for_a_name_to_remap() -> None:
     with pytest.raises(ParameterError, match=r"skill:=mine: parameters need -p: --ros-args -p skill:=mine"):
         wants_help("planner", ["--ros-args", "skill:=mine"])
     assert not wants_help("planner", ["--ros-args", "--params-file", "of:=mine.yaml", "-r", "ee_pose:=tool"])
+
+
+def given(line: str, name: str) -> Mapping[str, Value]:
+    """The parameters of a node as a command line sets them, through a shell and ROS."""
+    context = rclpy.Context()
+    rclpy.init(args=shlex.split(line, comments=True), context=context)
+    node = rclpy.create_node(name, context=context)
+    try:
+        return NodeParameters(node, TABLES[name], lambda values: None, lambda values: None).values
+    finally:
+        node.destroy_node()
+        rclpy.try_shutdown(context=context)
+
+
+REPOSITORY = Path(__file__).resolve().parents[2]
+PAGES = [REPOSITORY / "config" / "README.md", *sorted((REPOSITORY / "doc").glob("*.md"))]
+TEXT = "\n".join([*(page.read_text() for page in PAGES), *(usage(name, table) for name, table in TABLES.items())])
+#: Command lines that start a node, each with its name.
+STARTS = re.findall(
+    r"^ *((?:ros2 run geodesic_motion_ros |\.venv/bin/)?(twin|planner|record) --ros-args .*)$",
+    TEXT.replace("\\\n", " "), re.MULTILINE,
+)  # fmt: skip
+
+
+def test_the_command_lines_of_pages_and_help_are_understood() -> None:
+    with_spheres = []
+    for line, name in STARTS:
+        values = given(line, name)
+        if values.get("spheres"):
+            assert values["spawn_at_start"]
+            assert scripted_spheres(values["spheres"]).items["ball"].radius == 0.04
+            with_spheres.append(line.split(" --ros-args")[0])
+    assert set(with_spheres) == {"ros2 run geodesic_motion_ros twin", ".venv/bin/twin", "twin"}
+
+
+def test_spheres_without_inner_quotes_are_refused() -> None:
+    (line,) = [line for line, _ in STARTS if line.startswith("twin ")]
+    with pytest.raises(RuntimeError, match="parse"):
+        given(line.replace("'", ""), "twin")
 
 
 @pytest.mark.parametrize("module", [planner_node, twin_node])

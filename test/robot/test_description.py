@@ -110,6 +110,21 @@ def test_files_that_do_not_fit_each_other_are_refused(folder: Path) -> None:
         Robot.named(folder)
 
 
+@pytest.mark.parametrize(
+    ("name", "what"),
+    [("arm", "'arm' is not known here; known: "), ("{tmp}/arm.urdf", "arm.urdf' is a file; known: "),
+     ("{tmp}", f"{FILE}: No such file or directory: a robot is a folder with {FILE}")],
+    ids=["unknown", "a URDF", "a folder of a description package"],
+)  # fmt: skip
+def test_what_is_no_robot_is_named_with_the_command_that_makes_one(name: str, what: str, tmp_path: Path) -> None:
+    (tmp_path / "arm.urdf").write_text("<robot/>")
+    with pytest.raises(RobotError) as refused:
+        RobotDescription.named(name.format(tmp=tmp_path))
+    assert what in str(refused.value)
+    remedy = "`geodesic-motion robot FILE --base LINK --tip LINK --out DIR` makes such a folder"
+    assert str(refused.value).endswith(remedy)
+
+
 def test_there_is_no_such_robot(tmp_path: Path) -> None:
     with pytest.raises(RobotError, match=r"robot 'kuka' is not known here; known: .*'panda'.*, or the path of"):
         Robot.named("kuka")
