@@ -2,8 +2,8 @@
 
 Once without an obstacle, once with a sphere that moves into its path and avoidance off (the control: it must hit), once
 with the same sphere and avoidance on. What is printed was measured by the twin on the arm's real geometry. The scene is
-the skill's: on joint-space skills of arms of seven joints the sphere is in the path of the elbow, on others in that of
-the hand.
+the skill's: where its demonstrations have the elbow on either side the sphere is in the path of the elbow, with others
+in that of the hand.
 """
 
 from __future__ import annotations
@@ -36,11 +36,9 @@ from geodesic_motion_ros.demo.hand_scene import HandScene
 from geodesic_motion_ros.demo.joint_scene import JointScene
 from geodesic_motion_ros.geometry.quaternions import angle_between
 from geodesic_motion_ros.planning.declared_scene import DeclaredScene
-from geodesic_motion_ros.robot.kinematics import Robot
-from geodesic_motion_ros.robot.swivel import has_swivel
 from geodesic_motion_ros.simulation.scripted_spheres import LineObstacle
 from geodesic_motion_ros.skill.skill import Skill
-from geodesic_motion_ros.utils.errors import GeodesicMotionError
+from geodesic_motion_ros.utils.errors import GeodesicMotionError, SkillError
 from geodesic_motion_ros.utils.tables import write_json
 
 #: What the demo promises; and the rate [Hz] below which it warns that the machine is busy.
@@ -71,11 +69,22 @@ class Demo:
     def __init__(self, skill: str, declared: str, out: Path, gui: bool, domain: int) -> None:
         """skill : a folder, or the name of a shipped skill. declared : the parameter `scene` of both nodes; empty: what
         the skill was recorded in, or where it does not say `SCENE`.
+
+        Raises
+        ------
+        SkillError : there is nothing to show of the skill in that scene; says what else to give.
         """
         loaded = Skill.load(skill)
         self._declared = declared or ("" if loaded.scene is not None else SCENE)
         self._skill, self._out, self._gui, self._domain = skill, out, gui, domain
-        self.scene = scene_of(loaded, DeclaredScene.named(self._declared) or DeclaredScene.recorded(loaded))
+        around = DeclaredScene.named(self._declared) or DeclaredScene.recorded(loaded)
+        try:
+            self.scene = scene_of(loaded, around)
+        except SkillError as error:
+            raise SkillError(
+                f"{error}; give --scene, which is {self._declared or 'that of the skill'} here, as it is around your "
+                "arm, none where nothing stands there, or another --skill"
+            ) from error
 
     def run(self, run: Run) -> Recording:
         """Start both nodes, let the arm move, end the nodes."""
@@ -105,9 +114,8 @@ class Demo:
 
 def scene_of(skill: Skill, declared: DeclaredScene | None) -> DemoScene:
     """What the demo shows of a skill, where this is declared to stand around the arm."""
-    if skill.space != "joint":
-        return HandScene(skill, declared)
-    return (ElbowScene if has_swivel(Robot.named(skill.robot)) else JointScene)(skill, declared)
+    whole_arm = ElbowScene if ElbowScene.suits(skill) else JointScene
+    return (whole_arm if skill.space == "joint" else HandScene)(skill, declared)
 
 
 def describe(obstacle: LineObstacle) -> dict[str, Any]:

@@ -19,8 +19,9 @@ A simulated arm does a skill as it was demonstrated: three times over real ROS 2
   avoidance_off  a sphere moves into the path, and the planner ignores it: the arm hits it
   avoidance_on   the same sphere; the planner looks for another path a hundred times a second
 
-With a whole-arm skill of an arm of seven joints the sphere goes where the elbow would swing to, far from the hand, and
-the arm takes its elbow to the other side; with every other skill the sphere goes into the path of the hand.
+With a whole-arm skill whose demonstrations have the elbow on either side the sphere goes where the elbow would swing
+to, far from the hand, and the arm takes its elbow to the other side; with every other skill the sphere goes into the
+path of the hand. It begins clear of the arm: a skill for which there is no such sphere is refused, and nothing starts.
 
 It takes about a minute and ends by itself; Ctrl-C ends it and its processes earlier."""
 

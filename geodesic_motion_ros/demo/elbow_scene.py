@@ -1,26 +1,29 @@
-"""The demo of a joint-space skill of a redundant arm: a sphere moves to where the elbow would be, far from the hand."""
+"""The demo of a skill with elbows on either side: a sphere moves to where the elbow would be, far from the hand."""
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from itertools import groupby
 
 import numpy as np
 
 from geodesic_motion_ros.demo.demo_run import Recording
 from geodesic_motion_ros.demo.joint_scene import JointScene
-from geodesic_motion_ros.planning.arm_clearance import configuration_clearance
-from geodesic_motion_ros.robot.swivel import elbow_position, swivel_angle
+from geodesic_motion_ros.robot.kinematics import Robot
+from geodesic_motion_ros.robot.swivel import elbow_position, has_swivel, swivel_angle
 from geodesic_motion_ros.simulation.scripted_spheres import LineObstacle, crossing
+from geodesic_motion_ros.skill.skill import Skill
 from geodesic_motion_ros.trajectory.trajectory import JointReference
 
 #: The sphere: radius [m], speed [m/s], and how far from its place it sets out [m].
 RADIUS, SPEED, BEFORE = 0.055, 0.10, 0.45
-#: It comes to rest so long [s] after the undisturbed elbow would have been there: the first of them with which that arm
-#: goes this deep [m] into it. Its surface is in the path seconds before: the elbow has set out by then, and has time to
-#: turn back.
-LATE, DEPTH = (1.7, 1.4, 1.1, 0.8, 0.5), 0.02
+#: It comes to rest so long [s] after the undisturbed elbow would have been there: the first of them that is fair. Its
+#: surface is in the path seconds before: the elbow has set out by then, and has time to turn back.
+LATE = (1.7, 1.4, 1.1, 0.8, 0.5)
 #: A family counts as taken where its mean path has more than this share; where families begin and end alike, none has.
 _TAKEN_SHARE = 0.9
+#: An elbow is out on a side where it swings farther than this [rad].
+_SWUNG = 0.3
 
 
 class ElbowScene(JointScene):
@@ -29,26 +32,34 @@ class ElbowScene(JointScene):
     shown = ("tool", "elbow")
     view = "elbow"
 
-    def _obstacle(self) -> LineObstacle:
+    @staticmethod
+    def suits(skill: Skill) -> bool:
+        """Whether families of a skill's demonstrations have the elbow on different sides."""
+        robot = Robot.named(skill.robot)
+        if skill.space != "joint" or skill.canonical is None or not has_swivel(robot):
+            return False
+        modes, configurations = skill.canonical.modes, skill.canonical.configurations
+        means = [configurations[modes == mode].mean(axis=0) for mode in np.unique(modes)]
+        swung = [[swivel_angle(robot, position) for position in mean] for mean in means]
+        furthest = [max(angles, key=abs) for angles in swung]
+        return min(furthest) < -_SWUNG and max(furthest) > _SWUNG
+
+    def _obstacles(self) -> Iterator[LineObstacle]:
         time = self._furthest_out(self.nominal)
         configuration = self.nominal.sample(time)[0]
         robot = self.planner.robot
         elbow, hand = elbow_position(robot, configuration), robot.forward(configuration)[0]
         inwards = _foot(elbow, robot.shoulder, hand) - elbow
-        spheres = [crossing(elbow, inwards, time + late, SPEED, RADIUS, BEFORE, after=0.0) for late in LATE]
-        return next((sphere for sphere in spheres if self._clearance(sphere) < -DEPTH), spheres[-1])
-
-    def _clearance(self, sphere: LineObstacle) -> float:
-        """Smallest signed distance [m] from the undisturbed arm to a sphere."""
-        planner, nominal, radius = self.planner, self.nominal, np.array([sphere.radius])
-        return min(
-            configuration_clearance(planner.collision, planner.robot, position, sphere.position(time)[None], radius)[0]
-            for time, position in zip(nominal.times, nominal.positions, strict=True)
-        )
+        for late in LATE:
+            yield crossing(elbow, inwards, time + late, SPEED, RADIUS, BEFORE, after=0.0)
 
     def _furthest_out(self, reference: JointReference) -> float:
         angles = [abs(swivel_angle(self.planner.robot, position)) for position in reference.positions]
         return float(reference.times[np.argmax(angles)])
+
+    def _leaves_a_path(self, sphere: LineObstacle) -> bool:
+        # The family of the other side does; where the sphere rests the arm may have begun.
+        return True
 
     def families(self, recording: Recording) -> list[int] | None:
         if self.planner.graph.mean_path_count == 0:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from itertools import product
 from pathlib import Path
 
 import numpy as np
@@ -19,9 +20,12 @@ from geodesic_motion_ros.simulation.scripted_spheres import LineObstacle, crossi
 from geodesic_motion_ros.trajectory.trajectory import JointReference
 from geodesic_motion_ros.visualization.plots import BLUE, VERMILION, DrawnPath, draw_latent, draw_paths
 
-#: The sphere: radius [m] and speed [m/s]; when the undisturbed motion would meet it (share of its duration); how far
-#: beside the tool's path it crosses, along the tool's x axis [m], so that there is room on its other side.
-RADIUS, SPEED, MEETING_SHARE, BESIDE = 0.035, 0.10, 0.50, 0.022
+#: The sphere: radius [m] and speed [m/s]; how far beside the tool's path it crosses [m], so that there is room on its
+#: other side.
+RADIUS, SPEED, BESIDE = 0.035, 0.10, 0.022
+#: When the undisturbed motion would meet it (shares of its duration), and where it goes: angles about the tool's z
+#: axis, from its y axis [rad].
+MEETING_SHARES, DIRECTIONS = (0.5, 0.4, 0.3), (0.0, np.pi, 0.5 * np.pi, 1.5 * np.pi)
 #: It sets out this far from the path [m], is there a little before the hand [s], and comes to rest this far behind it
 #: [m], which is still under the palm: where a busy machine slows the arm down, the sphere is in its path all the same.
 BEFORE, EARLY, AFTER = 0.30, 0.3, 0.06
@@ -34,7 +38,7 @@ _TURNING = 0.1
 class HandScene(DemoScene):
     """A sphere crosses the undisturbed motion, across the hand and a little beside the tool's path."""
 
-    def _obstacle(self) -> LineObstacle:
+    def _obstacles(self) -> Iterator[LineObstacle]:
         return across_the_hand(self.planner.robot, self.nominal)
 
     def draw(self, recordings: Mapping[str, Recording], out: Path) -> None:
@@ -70,14 +74,17 @@ class HandScene(DemoScene):
         return smooth_latent(graph.latent[cKDTree(known).query(measured)[1]], _LATENT_SMOOTHING)
 
 
-def across_the_hand(robot: Robot, nominal: JointReference) -> LineObstacle:
-    """A sphere that crosses a motion halfway, along the tool's y axis and a little beside its path."""
-    meeting = MEETING_SHARE * nominal.duration
-    position, quaternion = robot.forward(nominal.sample(meeting)[0])
-    x_axis, y_axis, _ = to_rotation(quaternion).as_matrix().T
-    at = meeting - EARLY
-    # in a short motion it sets out nearer, for it does so no sooner than the arm
-    return crossing(position + BESIDE * x_axis, y_axis, at, SPEED, RADIUS, min(BEFORE, SPEED * at), AFTER)
+def across_the_hand(robot: Robot, nominal: JointReference) -> Iterator[LineObstacle]:
+    """Spheres that cross a motion a little beside the tool's path: halfway and along the tool's y axis, then others."""
+    for share, angle in product(MEETING_SHARES, DIRECTIONS):
+        meeting = share * nominal.duration
+        position, quaternion = robot.forward(nominal.sample(meeting)[0])
+        x_axis, y_axis, _ = to_rotation(quaternion).as_matrix().T
+        beside = np.cos(angle) * x_axis + np.sin(angle) * y_axis
+        along = np.cos(angle) * y_axis - np.sin(angle) * x_axis
+        at = max(meeting - EARLY, 0.0)
+        # in a short motion it sets out nearer, for it does so no sooner than the arm
+        yield crossing(position + BESIDE * beside, along, at, SPEED, RADIUS, min(BEFORE, SPEED * at), AFTER)
 
 
 def tool_positions(recording: Recording) -> tuple[np.ndarray, np.ndarray]:

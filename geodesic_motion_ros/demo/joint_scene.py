@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from types import MappingProxyType
@@ -41,8 +41,7 @@ _NAME_ABOVE = np.array([0.0, -1.0, 2.0])
 
 
 class JointScene(DemoScene):
-    """A sphere crosses the undisturbed motion as in the scene of the hand: an arm of six joints has no elbow to take
-    elsewhere.
+    """A sphere crosses the undisturbed motion as in the scene of the hand: the elbow has no other side to take.
 
     Attributes
     ----------
@@ -56,7 +55,7 @@ class JointScene(DemoScene):
     shown: tuple[str, ...] = ("tool",)
     view = "front"
 
-    def _obstacle(self) -> LineObstacle:
+    def _obstacles(self) -> Iterator[LineObstacle]:
         return across_the_hand(self.planner.robot, self.nominal)
 
     def positions(self, part: str, configurations: np.ndarray) -> np.ndarray:

@@ -27,7 +27,7 @@ def tool_at(scene: HandScene, time: float) -> np.ndarray:
 
 def test_the_obstacle_moves_from_outside_into_the_undisturbed_motion(scene: HandScene) -> None:
     nominal, obstacle = scene.nominal, scene.obstacle
-    meeting = hand_scene.MEETING_SHARE * nominal.duration
+    meeting = hand_scene.MEETING_SHARES[0] * nominal.duration
     path = [tool_at(scene, time) for time in np.linspace(0.0, nominal.duration, 100)]
     tool = tool_at(scene, meeting)
     assert min(np.linalg.norm(np.array(path) - obstacle.position(0.0), axis=1)) > 0.1
