@@ -126,7 +126,7 @@ def test_what_is_no_robot_is_named_with_the_command_that_makes_one(name: str, wh
 
 
 def test_there_is_no_such_robot(tmp_path: Path) -> None:
-    with pytest.raises(RobotError, match=r"robot 'kuka' is not known here; known: .*'panda'.*, or the path of"):
+    with pytest.raises(RobotError, match=r"robot 'kuka' is not known here; known: .*'panda'.*; or give the path of"):
         Robot.named("kuka")
     with pytest.raises(RobotError, match=f"{FILE}: No such file"):
         Robot.named(tmp_path)
