@@ -108,7 +108,9 @@ def load_references(limits: JointLimits, tool: LimitedTool | None = None) -> Non
     """Load the compiled kernels of `timed_joint_reference`, also those for motions that have to be slowed down: for
     one that begins in the opposite direction.
     """
-    path = 0.5 * (limits.lower + limits.upper) + 0.1 * limits.velocity * np.linspace(0.0, 1.0, 6)[:, None]
+    # Continuous joints have no limits.
+    lower, upper = np.maximum(limits.lower, -math.pi), np.minimum(limits.upper, math.pi)
+    path = 0.5 * (lower + upper) + 0.1 * limits.velocity * np.linspace(0.0, 1.0, 6)[:, None]
     still = np.zeros_like(limits.velocity)
     timed_joint_reference(path, np.zeros((6, 1)), limits, -0.3 * limits.velocity, still, tool=tool)
 

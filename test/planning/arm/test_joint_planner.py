@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 from dataclasses import replace
 
 import numpy as np
@@ -21,6 +22,7 @@ from geodesic_motion_ros.planning.plan import MotionState, Plan
 from geodesic_motion_ros.planning.planner import ReactivePlanner
 from geodesic_motion_ros.planning.solver import Solver
 from geodesic_motion_ros.planning.status import VerdictCode
+from geodesic_motion_ros.robot.description import SHIPPED
 from geodesic_motion_ros.trajectory.trajectory import JointReference
 from geodesic_motion_ros.utils.deadline import Deadline
 
@@ -234,3 +236,15 @@ def test_bad_obstacles_are_refused_and_the_old_ones_stay(stream, on_elbow, centr
     assert verdict.code is VerdictCode.BAD_INPUT
     assert said in verdict.reason
     assert np.isfinite(stream.planner.tick(0.0).verdict.clearance)
+
+
+def test_a_joint_that_turns_without_end_is_planned_for(reach_skill, start, goal, tmp_path) -> None:
+    shutil.copytree(SHIPPED / "panda", tmp_path / "arm")
+    urdf = tmp_path / "arm" / "panda.urdf"
+    last = '<joint name="panda_joint7" type="{}">'
+    urdf.write_text(urdf.read_text().replace(last.format("revolute"), last.format("continuous")))
+    planner = ReactivePlanner(replace(reach_skill, robot=str(tmp_path / "arm")))
+    assert np.isinf(planner.robot.upper).tolist() == [False] * 6 + [True]
+    planner.stand_at(start, 0.0)
+    assert planner.set_goal_configuration(goal).ok
+    assert planner.tick(0.0).verdict.ok
