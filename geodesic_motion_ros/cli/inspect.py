@@ -30,7 +30,9 @@ from geodesic_motion_ros.utils.errors import ParameterError
 from geodesic_motion_ros.utils.tables import text_table, write_json
 
 if TYPE_CHECKING:
+    from geodesic_motion_ros.manifold.configuration_graph import ConfigurationGraph
     from geodesic_motion_ros.manifold.latent_graph import LatentGraph
+    from geodesic_motion_ros.manifold.pose_graph import PoseGraph
     from geodesic_motion_ros.skill.skill import Skill
 
 #: Recordings in files; bags are known by `is_bag`.
@@ -137,6 +139,16 @@ def _picture(arguments: argparse.Namespace, path: Path) -> Path:
     return picture
 
 
+def _halfway(skill: Skill, graph: PoseGraph | ConfigurationGraph) -> np.ndarray:
+    """Where the tool is in the middle of the first demonstration (3,) [m], from the mean start to the mean goal."""
+    from geodesic_motion_ros.robot.kinematics import Robot
+
+    middle = skill.codes[0, [skill.codes.shape[1] // 2]]
+    if skill.space == "joint":
+        return Robot.named(skill.robot).forward(graph.decoder.configurations(middle)[0])[0]
+    return graph.decoder.decode(middle).positions[0]
+
+
 def describe(skill: Skill) -> dict[str, Any]:
     """What a skill holds, as plain values; lengths in metres unless a name says otherwise."""
     begun = time.perf_counter()
@@ -154,6 +166,7 @@ def describe(skill: Skill) -> dict[str, Any]:
             "demonstrations": len(skill.codes) // sheets,
             "start_position": start[:3].tolist(), "start_quaternion": start[3:].tolist(),
             "goal_position": goal[:3].tolist(), "goal_quaternion": goal[3:].tolist(),
+            "halfway_position": _halfway(skill, graph).tolist(),
             "distance": float(np.linalg.norm(goal[:3] - start[:3])),
             "turn_deg": float(np.degrees(angle_between(start[3:], goal[3:]))),
         } | _families(skill),
