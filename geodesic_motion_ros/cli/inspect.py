@@ -26,13 +26,11 @@ from geodesic_motion_ros.demonstrations.bags import is_bag
 from geodesic_motion_ros.demonstrations.recorded_tables import files_in
 from geodesic_motion_ros.geometry.quaternions import angle_between
 from geodesic_motion_ros.skill.description import DESCRIPTION
-from geodesic_motion_ros.utils.errors import ParameterError
+from geodesic_motion_ros.utils.errors import GeodesicMotionError, ParameterError
 from geodesic_motion_ros.utils.tables import text_table, write_json
 
 if TYPE_CHECKING:
-    from geodesic_motion_ros.manifold.configuration_graph import ConfigurationGraph
     from geodesic_motion_ros.manifold.latent_graph import LatentGraph
-    from geodesic_motion_ros.manifold.pose_graph import PoseGraph
     from geodesic_motion_ros.skill.skill import Skill
 
 #: Recordings in files; bags are known by `is_bag`.
@@ -139,14 +137,22 @@ def _picture(arguments: argparse.Namespace, path: Path) -> Path:
     return picture
 
 
-def _halfway(skill: Skill, graph: PoseGraph | ConfigurationGraph) -> np.ndarray:
-    """Where the tool is in the middle of the first demonstration (3,) [m], from the mean start to the mean goal."""
-    from geodesic_motion_ros.robot.kinematics import Robot
+def _halfway(skill: Skill) -> list[float] | None:
+    """Where the tool is in the middle of the planned motion (3,) [m], from the mean start to the mean goal; None where
+    there is none: a sphere there is in its path.
+    """
+    from geodesic_motion_ros.planning.planner import ReactivePlanner
 
-    middle = skill.codes[0, [skill.codes.shape[1] // 2]]
-    if skill.space == "joint":
-        return Robot.named(skill.robot).forward(graph.decoder.configurations(middle)[0])[0]
-    return graph.decoder.decode(middle).positions[0]
+    start, goal = skill.start_pose, skill.goal_pose
+    try:
+        planner = ReactivePlanner(skill)
+        reference = planner.plan(start[:3], start[3:], goal[:3], goal[3:]).reference
+    except GeodesicMotionError:  # a skill that no planner takes can be looked at all the same
+        return None
+    if reference is None:
+        return None
+    position, _ = planner.robot.forward(reference.sample(0.5 * reference.duration)[0])
+    return position.tolist()
 
 
 def describe(skill: Skill) -> dict[str, Any]:
@@ -166,7 +172,7 @@ def describe(skill: Skill) -> dict[str, Any]:
             "demonstrations": len(skill.codes) // sheets,
             "start_position": start[:3].tolist(), "start_quaternion": start[3:].tolist(),
             "goal_position": goal[:3].tolist(), "goal_quaternion": goal[3:].tolist(),
-            "halfway_position": _halfway(skill, graph).tolist(),
+            "halfway_position": _halfway(skill),
             "distance": float(np.linalg.norm(goal[:3] - start[:3])),
             "turn_deg": float(np.degrees(angle_between(start[3:], goal[3:]))),
         } | _families(skill),

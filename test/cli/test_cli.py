@@ -15,6 +15,10 @@ import numpy as np
 import pytest
 
 from geodesic_motion_ros.cli.arguments import writable
+from geodesic_motion_ros.cli.inspect import describe
+from geodesic_motion_ros.planning.planner import ReactivePlanner
+from geodesic_motion_ros.planning.settings import PlannerSettings
+from geodesic_motion_ros.skill.skill import Skill
 from geodesic_motion_ros.studies.cli import build_parser, main
 from geodesic_motion_ros.utils.errors import ParameterError
 
@@ -232,3 +236,15 @@ def test_numbers_in_a_list_are_read_or_refused(capsys) -> None:
     with pytest.raises(SystemExit):
         parse([*given, "--radii", "wide"])
     assert "'wide' is not a list of numbers like 0.02,0.04" in capsys.readouterr().err
+
+
+def test_a_sphere_where_the_tool_is_halfway_is_in_its_path() -> None:
+    skill = Skill.load("ur5_reach")
+    halfway = describe(skill)["motion"]["halfway_position"]
+    planner = ReactivePlanner(skill, PlannerSettings(avoidance=False))
+    start, goal = skill.start_pose, skill.goal_pose
+    # the control: far beside it
+    for centre, hit in ((np.array(halfway), True), (np.array(halfway) + [0.0, 0.6, 0.0], False)):
+        planner.set_obstacles(centre[None], np.array([0.04]))
+        plan = planner.plan(start[:3], start[3:], goal[:3], goal[3:])
+        assert (plan.verdict.clearance < 0.0) == hit
