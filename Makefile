@@ -48,7 +48,7 @@ test-all: test ## these, then the tests of the studies
 lint: $(ready) ## ruff
 	@$(python) -m ruff check .
 
-setup: $(kernels) ## .venv with the pinned requirements, and the kernels compiled; nothing more
+setup: $(kernels) ## .venv with the pinned requirements, kernels compiled, large latent graphs made; nothing more
 
 clean: ## removes out/ and what builds and tools leave behind
 	rm -rf out build install log .pytest_cache .ruff_cache .hypothesis
@@ -63,4 +63,5 @@ $(ready): requirements.txt setup.py
 $(kernels): $(ready) $(sources)
 	@find geodesic_motion_ros -name '*.nb[ic]' -delete
 	@$(python) -m geodesic_motion_ros.planning.kernels < /dev/null
+	@$(python) -m geodesic_motion_ros.skill.kept_graph < /dev/null
 	@touch $@

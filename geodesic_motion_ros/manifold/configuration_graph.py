@@ -16,8 +16,10 @@ thin wall between two cheap nodes is not stepped over.
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numba
 import numpy as np
@@ -40,6 +42,13 @@ from geodesic_motion_ros.robot.body_points import (
     tool_orientation_jacobians,
 )
 from geodesic_motion_ros.robot.kinematics import Robot
+
+#: Arrays of a graph, by their names; of its adjacency likewise.
+_ARRAYS = (
+    "latent", "sigma", "progress", "mean_path_shares", "component", "edges", "_number", "configurations",
+    "sigma_shares", "_sigma_fixed", "_tensors",
+)  # fmt: skip
+_SLOTS = "first", "node", "edge"
 
 
 @dataclass(frozen=True)
@@ -109,6 +118,26 @@ class ConfigurationGraph(LatentGraph):
         Its tensors are those of the nodes where they are: transport moves neighbours by nearly the same.
         """
         return MetricField.of(self.grid, self._number, self._tensors, mean_paths, strength)
+
+    def arrays(self) -> dict[str, np.ndarray]:
+        """Everything of the graph that takes long to work out, by name, as `from_arrays` wants it."""
+        slots = {f"adjacency.{name}": getattr(self.adjacency, name) for name in _SLOTS}
+        return {name: getattr(self, name) for name in _ARRAYS} | slots | {"progress_table": self.progress_map.table}
+
+    @classmethod
+    def from_arrays(cls, arrays: Mapping[str, np.ndarray], grid: LatentGrid, **attributes: Any) -> ConfigurationGraph:
+        """The graph of its arrays by name, with the attributes that are none; KeyError: one is missing."""
+        learned = {name: arrays[name] for name in _ARRAYS}
+        tensors, table = learned.pop("_tensors"), arrays["progress_table"]
+        graph = cls(
+            grid=grid,
+            adjacency=Adjacency(*(arrays[f"adjacency.{name}"] for name in _SLOTS)),
+            progress_map=ProgressMap(table[:, 0], table[:, 1:], grid),
+            **learned,
+            **attributes,
+        )
+        vars(graph)["_tensors"] = tensors  # a frozen class keeps what it has worked out there
+        return graph
 
     @property
     def _orientation_scale(self) -> float:

@@ -19,11 +19,12 @@ class ProgressMap:
     def __init__(self, progress: np.ndarray, shares: np.ndarray, grid: LatentGrid) -> None:
         """progress (n,) and shares (n, K), K may be 0, at all the n nodes of the grid."""
         self._grid, self._shape = grid, np.array(grid.shape)
-        self._table = np.column_stack([progress, shares])
+        #: (n, 1 + K) progress and shares beside each other.
+        self.table = np.column_stack([progress, shares])
 
     def __call__(self, latent: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """tau (n,) and shares (n, K) of latent points (n, d); beyond the grid, those at its rim."""
-        rows = _multilinear(self._table, self._shape, self._grid.coordinates(latent))
+        rows = _multilinear(self.table, self._shape, self._grid.coordinates(latent))
         return rows[:, 0].copy(), rows[:, 1:].copy()
 
     @classmethod

@@ -23,12 +23,10 @@ import tempfile
 import time
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager, suppress
-from importlib.metadata import version
 from pathlib import Path
 
-import geodesic_motion_ros
+from geodesic_motion_ros.utils.cache import PACKAGE, cache_folder, machine
 
-PACKAGE = Path(geodesic_motion_ros.__path__[0])
 LIST = Path(__file__).with_name("kernels.json")
 #: More processes gain nothing: what remains is one kernel that takes a third of all the time.
 _MOST_PROCESSES = 4
@@ -47,7 +45,7 @@ def compile_kernels(report: Callable[[str], None] = say) -> None:
     report : called with a line about the progress, at most about once a second; never where nothing is to do. A kernel
     that cannot be compiled here is reported and left to its first call. Programs that start together compile once.
     """
-    folder, mark = _cache_folder(), _fingerprint()
+    folder, mark = cache_folder(), _fingerprint()
     if folder is None:
         return
     finished = folder / "kernels.finished"
@@ -61,33 +59,12 @@ def compile_kernels(report: Callable[[str], None] = say) -> None:
             finished.write_text(json.dumps({"mark": mark, "counts": counts}))
 
 
-def _cache_folder() -> Path | None:
-    """Where the mark of finished work is kept: as numba's cache, beside the source if possible; None where nowhere."""
-    chosen = os.environ.get("NUMBA_CACHE_DIR")
-    user = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / PACKAGE.name
-    for folder in [Path(chosen)] if chosen else [PACKAGE / "__pycache__", user]:
-        with suppress(OSError):
-            folder.mkdir(parents=True, exist_ok=True)
-            if os.access(folder, os.W_OK):
-                return folder
-    return None
-
-
 def _fingerprint() -> str:
     """Of all that numba's cache depends on: the listed kernels and their files, the versions, the processor."""
     sources = [PACKAGE / f"{name.replace('.', '/')}.py" for name in sorted({row[0] for row in listed()})]
     stamps = [(stat.st_mtime_ns, stat.st_size) for stat in (path.stat() for path in sources if path.exists())]
-    processor = [line for line in _lines("/proc/cpuinfo") if line.startswith(("flags", "model name", "Features"))]
-    chosen = {name: value for name, value in os.environ.items() if name.startswith("NUMBA_")}
-    whole = sys.version, version("numba"), version("llvmlite"), LIST.read_text(), stamps, processor[:2], chosen
+    whole = LIST.read_text(), stamps, machine("numba", "llvmlite", variables=("NUMBA_",))
     return hashlib.sha256(repr(whole).encode()).hexdigest()
-
-
-def _lines(path: str) -> list[str]:
-    try:
-        return Path(path).read_text().splitlines()
-    except OSError:
-        return []
 
 
 def listed() -> list[list[str]]:

@@ -34,6 +34,7 @@ from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.skill.description import DESCRIPTION, FILES, FORMAT_VERSION, LATENT, METADATA, WEIGHTS
 from geodesic_motion_ros.skill.folder import CANONICAL_ARRAYS, LARGEST_DESCRIPTION, LATENT_ARRAYS, read_folder
 from geodesic_motion_ros.skill.joint_sheet import JointSheet
+from geodesic_motion_ros.skill.kept_graph import kept_graph
 from geodesic_motion_ros.skill.sheet import CanonicalSheet
 from geodesic_motion_ros.utils.checked_files import PlainDumper, brief
 from geodesic_motion_ros.utils.errors import GeodesicMotionError, SkillError
@@ -104,7 +105,8 @@ class LearnedModel:
     def graph(
         self, shape: tuple[int, ...] | None = None, neighbours: int | None = None
     ) -> PoseGraph | ConfigurationGraph:
-        """Decode the latent box into its graph, by default that of GRID_SHAPES and NEIGHBOURS: a few seconds.
+        """Decode the latent box into its graph, by default that of GRID_SHAPES and NEIGHBOURS: for a large one seconds,
+        which a skill takes once (`kept_graph`).
 
         Raises
         ------
@@ -120,16 +122,20 @@ class LearnedModel:
         shape, neighbours = shape or GRID_SHAPES[dimension], neighbours or NEIGHBOURS[dimension]
         if self.space == "joint":
             robot = Robot.named(self.robot)
-            return build_configuration_graph(
-                self.decoder, self.codes, self.latent_lower, self.latent_upper, self.metric, robot,
-                self.metric.body_points(robot), self.sigma_limit, shape, neighbours,
-                energy_limit=self._energy_limit(shape), mean_paths=self.mean_paths,
+            return self._configuration_graph(
+                decoder=self.decoder, codes=self.codes, lower=self.latent_lower, upper=self.latent_upper,
+                metric=self.metric, robot=robot, body=self.metric.body_points(robot), sigma_limit=self.sigma_limit,
+                shape=shape, neighbours=neighbours, energy_limit=self._energy_limit(shape), mean_paths=self.mean_paths,
             )  # fmt: skip
         return build_pose_graph(
             self.decoder, self.codes, self.latent_lower, self.latent_upper,
             self.metric, self.sigma_limit, shape, neighbours, energy_limit=self._energy_limit(shape),
             clusters=2 if self.orientation_model == "two_cluster" else 1, mean_paths=self.mean_paths,
         )  # fmt: skip
+
+    def _configuration_graph(self, **recipe: Any) -> ConfigurationGraph:
+        """The graph of a recipe, as of `build_configuration_graph`."""
+        return build_configuration_graph(**recipe)
 
     def _energy_limit(self, shape: tuple[int, ...]) -> float:
         """Largest squared length of one edge that a path may have: none yet, it is calibrated on the graph itself."""
@@ -166,6 +172,10 @@ class Skill(LearnedModel):
         """A skill of what was learned, with its other attributes by name."""
         learned = {item.name: getattr(model, item.name) for item in fields(model)}
         return cls(**learned, energy_per_edge=energy_per_edge, **attributes)
+
+    def _configuration_graph(self, **recipe: Any) -> ConfigurationGraph:
+        """That of a trained skill is kept for the next program."""
+        return kept_graph(self.name, recipe)
 
     def _energy_limit(self, shape: tuple[int, ...]) -> float:
         """energy_per_edge for edges of another grid: squared lengths grow with the square of the spacing."""
@@ -263,13 +273,14 @@ def _resolve(folder: str | os.PathLike[str]) -> Path:
         try:
             return find_shared(f"models/{path.name}")
         except GeodesicMotionError as error:
-            shipped = _shipped()
+            shipped = shipped_skills()
             said = f"not one that is shipped ({', '.join(shipped)})" if shipped else f"not shipped ({error})"
             raise SkillError(f"no skill {str(folder)!r}: not a folder, and {said}") from error
     raise SkillError(f"no skill folder {str(folder)!r}: give a folder with skill.yaml, or the name of a shipped skill")
 
 
-def _shipped() -> list[str]:
+def shipped_skills() -> list[str]:
+    """The names of the skills that this installation has, sorted."""
     try:
         return sorted(file.parent.name for file in find_shared("models").glob("*/skill.yaml"))
     except GeodesicMotionError:
