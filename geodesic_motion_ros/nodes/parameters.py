@@ -25,8 +25,6 @@ from geodesic_motion_ros.utils.errors import ParameterError
 Value = bool | int | float | str | list[float] | list[str]
 
 _LONGEST_VALUE = 40
-#: What people who write parameters for ROS forget.
-_HINT = " (write 1.0, not 1)"
 
 
 @dataclass(frozen=True)
@@ -53,6 +51,18 @@ class Parameter:
     choices: tuple[str, ...] = ()
     read_only: bool = True
 
+    def as_declared(self, value: object) -> object:
+        """A value with its integers as floats where floats are declared: 1 is how people write 1.0.
+
+        ROS knows a type for each parameter, and hands out arrays as array.array; a list compares and prints like one.
+        """
+        value = _plain(value)
+        if type(self.default) is float:
+            return _as_float(value)
+        if isinstance(self.default, list) and not self._of_texts and isinstance(value, list):
+            return [_as_float(number) for number in value]
+        return value
+
     def check(self, value: object) -> None:
         """Raise ParameterError, naming parameter, value and what is allowed, when a value does not fit."""
         if self._of_texts:
@@ -78,7 +88,6 @@ class Parameter:
                 self._refuse(value, f"; write {plain}, without a slash" if plain in self.choices else "")
 
     def _check_list(self, value: object) -> None:
-        value = _plain(value)
         if not isinstance(value, list) or not all(type(number) is float for number in value):
             self._refuse(value)
         whole = len(value) % self.row == 0 < len(value) if self.row else len(value) == len(self.default)
@@ -115,7 +124,7 @@ class Parameter:
         if isinstance(self.default, list):
             count = {0: str(len(self.default)), 1: "one or more"}.get(self.row, f"rows of {self.row}")
             return f"{count} floats{self._range_text}{self._unit_text}"
-        kinds = {bool: "true or false", int: "an integer", float: f"a float{_HINT}", str: "a text"}
+        kinds = {bool: "true or false", int: "an integer", float: "a float", str: "a text"}
         return kinds[type(self.default)] + self._range_text + self._unit_text
 
     @property
@@ -167,16 +176,19 @@ class NodeParameters:
         self._check, self._changed, self._log = check, changed, node.get_logger().error
         # rclpy has no public view of what a node was started with, and silently ignores what was never
         # declared.
-        overrides = {name: item.value for name, item in node._parameter_overrides.items()}
+        overrides = node._parameter_overrides
         self._refuse_unknown(node, overrides)
         for parameter in table:
             if parameter.name in overrides:
-                parameter.check(overrides[parameter.name])
+                value = parameter.as_declared(overrides[parameter.name].value)
+                overrides[parameter.name] = RosParameter(parameter.name, value=value)
+        self._refuse_unfit({name: item.value for name, item in overrides.items() if name in self._table})
         node.declare_parameters(
             "", [(parameter.name, parameter.default, parameter.descriptor()) for parameter in table]
         )
         self._values = {name: _plain(node.get_parameter(name).value) for name in self._table}
         check(self._values)
+        node.add_pre_set_parameters_callback(self._as_declared)
         node.add_on_set_parameters_callback(self._judge)
         node.add_post_set_parameters_callback(self._accept)
 
@@ -191,6 +203,14 @@ class NodeParameters:
     def values(self) -> Mapping[str, Value]:
         return MappingProxyType(self._values)
 
+    def _as_declared(self, changes: Sequence[RosParameter]) -> list[RosParameter]:
+        return [
+            RosParameter(change.name, value=self._table[change.name].as_declared(change.value))
+            if change.name in self._table
+            else change
+            for change in changes
+        ]
+
     def _refuse_unknown(self, node: Node, overrides: Mapping[str, object]) -> None:
         for name in overrides:
             if name in self._table or node.has_parameter(name) or name.startswith("qos_overrides."):
@@ -198,6 +218,17 @@ class NodeParameters:
             close = difflib.get_close_matches(name, self._table, n=1)
             hint = f"did you mean {close[0]}?" if close else f"known: {', '.join(self._table)}"
             raise ParameterError(f"parameter {name} does not exist; {hint}")
+
+    def _refuse_unfit(self, values: Mapping[str, object]) -> None:
+        """Name all that do not fit at once."""
+        errors = []
+        for name, value in values.items():
+            try:
+                self._table[name].check(_plain(value))
+            except ParameterError as error:
+                errors.append(str(error))
+        if errors:
+            raise ParameterError("; ".join(sorted(errors)))
 
     def _after(self, changes: Sequence[RosParameter]) -> dict[str, Value]:
         known = {change.name: _plain(change.value) for change in changes if change.name in self._table}
@@ -222,15 +253,18 @@ class NodeParameters:
 
 
 def _plain(value: object) -> Value:
-    """ROS hands out arrays of floats as array.array; a list compares and prints like one."""
     return value.tolist() if hasattr(value, "tolist") else value
+
+
+def _as_float(value: object) -> object:
+    return float(value) if type(value) is int else value
 
 
 def yaml_document(node_name: str, table: Sequence[Parameter]) -> str:
     """The commented parameter file of a node, all defaults, for any namespace."""
     lines = [
         f"# Every parameter of the node `{node_name}` with its default.",
-        "# Units stand in brackets, ranges include their ends, floats need a decimal point (1.0, not 1).",
+        "# Units stand in brackets, ranges include their ends.",
         '# "start only" marks what cannot be changed while the node runs.',
         f"/**/{node_name}:",
         "  ros__parameters:",
@@ -255,10 +289,8 @@ def markdown_table(table: Sequence[Parameter]) -> str:
     lines = ["| parameter | default | allowed | | |", "|---|---|---|---|---|"]
     for parameter in table:
         when = "start only" if parameter.read_only else "at any time"
-        allowed = parameter.allowed.replace(_HINT, "")
-        lines.append(
-            f"| `{parameter.name}` | {short_text(parameter.default)} | {allowed} | {when} | {parameter.description} |"
-        )
+        default = short_text(parameter.default)
+        lines.append(f"| `{parameter.name}` | {default} | {parameter.allowed} | {when} | {parameter.description} |")
     return "\n".join(lines) + "\n"
 
 

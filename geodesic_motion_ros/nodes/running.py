@@ -14,6 +14,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from types import FrameType
 from typing import Any
 
@@ -24,6 +25,7 @@ from rclpy.experimental import EventsExecutor
 from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 
+from geodesic_motion_ros.nodes.float_lists import arguments_with_floats
 from geodesic_motion_ros.nodes.usage import answer
 from geodesic_motion_ros.utils.errors import GeodesicMotionError, ParameterError
 
@@ -130,8 +132,10 @@ def run_node(name: str, create: Callable[[], LoopingNode], args: list[str] | Non
 
 def _initialise(args: list[str] | None) -> None:
     try:
-        # rclpy's own handlers shut the context down under the running threads; ours end the threads first.
-        rclpy.init(args=args, signal_handler_options=SignalHandlerOptions.NO)
+        with TemporaryDirectory() as folder:
+            given = arguments_with_floats(sys.argv if args is None else args, Path(folder))
+            # rclpy's own handlers shut the context down under the running threads; ours end the threads first.
+            rclpy.init(args=given, signal_handler_options=SignalHandlerOptions.NO)
     except RuntimeError as error:  # what rcl makes of an argument or a parameter file it cannot read
         raise ParameterError(str(error)) from error
 

@@ -306,7 +306,7 @@ def test_an_unreadable_parameter_file_is_said_in_one_line(bench):
     ("node", "parameters", "reason"),
     [
         ("planner", {"skill": "/nowhere/at_all"}, "no skill folder '/nowhere/at_all'"),
-        ("planner", {"rate": "5.0"}, "parameter rate = 5.0: expected a float (write 1.0, not 1) from 10 to 1000 [Hz]"),
+        ("planner", {"rate": "5.0"}, "parameter rate = 5.0: expected a float from 10 to 1000 [Hz]"),
         ("planner", {"spede": "0.1"}, "parameter spede does not exist; did you mean speed?"),
         ("planner", {"method": "paper"}, "it certifies nothing and may lead through obstacles; set simulation_only"),
         ("twin", {"spheres": "volcano"}, "there are no spheres 'volcano'"),

@@ -11,7 +11,7 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from geometry_msgs.msg import PoseStamped
 from nav_msgs.msg import Path
 from nav_msgs.srv import GetPlan
-from rcl_interfaces.srv import SetParametersAtomically
+from rcl_interfaces.srv import SetParameters, SetParametersAtomically
 from rclpy.parameter import Parameter
 from rclpy.qos import DurabilityPolicy, QoSProfile
 from sensor_msgs.msg import Image
@@ -278,7 +278,7 @@ class TestParameters:
         ("name", "value", "hint"),
         [
             ("speed", 5.0, "from -1 to 2"),
-            ("speed", 1, "write 1.0, not 1"),
+            ("speed", 5, "parameter speed = 5.0: expected a float from -1 to 2 [m/s]"),
             ("rate", math.nan, "from 10 to 1000"),
             ("tool_spheres", [0.0, 0.0, 0.04], "rows of 4"),
             ("tool_spheres", [0.0, 0.0, 0.0, -0.04], "not negative"),
@@ -306,6 +306,23 @@ class TestParameters:
         )
         assert ready.call(SetParametersAtomically, "planner/set_parameters_atomically", request).result.successful
         ready.wait_for_code("STALE_STATE", "allowed are 0.011 s")
+
+    def test_all_bad_ones_are_named_at_once(self, bench, planner_options):
+        with pytest.raises(ParameterError, match=r"parameter rate = 5.0: .*; parameter speed = True: expected a float"):
+            bench.add(PlannerNode, **planner_options | {"speed": True, "rate": 5})
+
+    def test_integers_are_floats_at_start_and_at_run_time(self, bench, planner_options):
+        options = {"speed_scale": 1, "prediction": 2, "detour": 0, "task_frame": [0, 0, 0, 1, 0, 0, 0]}
+        node = bench.add(PlannerNode, **planner_options | options)
+        assert node.get_parameter("speed_scale").value == 1.0
+        assert list(node.get_parameter("task_frame").value) == [0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0]
+        for kind, name in ((SetParametersAtomically, "set_parameters_atomically"), (SetParameters, "set_parameters")):
+            request = kind.Request(parameters=[Parameter("state_timeout", value=1).to_parameter_msg()])
+            answer = bench.call(kind, f"planner/{name}", request)
+            assert all(result.successful for result in getattr(answer, "results", None) or [answer.result])
+            assert node.cycle.state_timeout == 1.0
+            node.set_parameters([Parameter("state_timeout", value=2.0)])
+        assert not node.set_parameters([Parameter("state_timeout", value=11)])[0].successful
 
     def test_what_cannot_change_is_refused(self, ready):
         assert not ready.planner.set_parameters([Parameter("speed", value=0.1)])[0].successful

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from array import array
 from dataclasses import fields
 from pathlib import Path
 
@@ -146,8 +147,24 @@ def test_a_text_with_a_slash_too_many_is_named(name):
         NAMES.check(["a", name])
 
 
+@pytest.mark.parametrize(
+    ("parameter", "value", "declared"),
+    [
+        (REACH, 1, 1.0), (REACH, 1.5, 1.5), (PAIR, [0, 1], [0.0, 1.0]), (PAIR, array("q", [0, 1]), [0.0, 1.0]),
+        (ROWS, array("d", [0.5, 1.0]), [0.5, 1.0]), (COUNT, 3, 3), (FLAG, True, True), (REACH, True, True),
+        (REACH, "1", "1"), (PAIR, [True, 0.0], [True, 0.0]), (NAMES, ["a"], ["a"]), (PAIR, None, None),
+    ],
+)  # fmt: skip
+def test_integers_count_as_floats_where_floats_are_declared(parameter, value, declared):
+    taken = parameter.as_declared(value)
+    assert taken == declared
+    assert type(taken) is type(declared)
+    if isinstance(taken, list):
+        assert [type(item) for item in taken] == [type(item) for item in declared]
+
+
 def test_words_for_what_is_allowed():
-    assert REACH.allowed == "a float (write 1.0, not 1) from 0.5 to 2 [m]"
+    assert REACH.allowed == "a float from 0.5 to 2 [m]"
     assert COUNT.allowed == "an integer from 1 to 5"
     assert MODE.allowed == "one of a, b"
     assert ROWS.allowed == "rows of 2 floats from -1 to 1 [m]"
