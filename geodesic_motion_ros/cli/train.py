@@ -262,6 +262,8 @@ def _note_the_flaws(recording: Recording) -> None:
     for flaw in recording.flaws:
         if flaw.action in (Action.KEPT, Action.REPAIRED, Action.LEFT_OUT):
             _note(f"demonstration {flaw}")
+        elif flaw.action is Action.CONVERTED:
+            print(f"demonstration {flaw}")
     between = [flaw for flaw in recording.flaws if flaw.action is Action.PASSED_OVER]
     if between:
         print(f"{len(between)} motions lead back to the start and are passed over; `inspect` lists them")

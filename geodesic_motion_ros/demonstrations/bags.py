@@ -14,7 +14,8 @@ from typing import Any
 
 import numpy as np
 
-from geodesic_motion_ros.demonstrations.message_samples import JointSamples, Samples, seconds_of, stacked, stamp_of
+from geodesic_motion_ros.demonstrations.clocks import Clock
+from geodesic_motion_ros.demonstrations.message_samples import JointSamples, ReceivedTake, Samples, stacked, stamp_of
 from geodesic_motion_ros.demonstrations.takes import POSE, Flaw, Take
 from geodesic_motion_ros.geometry.curves import interpolate
 from geodesic_motion_ros.geometry.quaternions import continuous_signs, multiply, normalise, to_rotation
@@ -34,10 +35,14 @@ _REMEDIES = {
     ".mcap": "`mcap recover FILE -o NEW.mcap`",
     ".bag": "`rosbag reindex FILE`",
 }
+#: Of files that `ros2 bag record --compression-mode file` writes; its folder says what is in them.
+COMPRESSED = (".zstd", ".zst", ".lz4")
 #: Of one topic: half an hour at 1 kHz.
 MOST_MESSAGES = 2_000_000
 #: Frames from the base to the tool.
 LONGEST_CHAIN = 100
+#: Of each child frame, by its parents, when it was received, stamped [ns] and where it was (7,).
+_Edges = dict[str, dict[str, list[tuple[int, int, np.ndarray]]]]
 
 
 @dataclass(frozen=True)
@@ -77,12 +82,14 @@ class BagTake:
 
     markers : times [s] as in the take, and the values: None of Empty, True or False of Bool, the text of String.
     frame : of poses, as their headers have it; "" of others, and where these have none.
+    breaks : times [s] at which the stamps began again: no motion leads past them.
     """
 
     take: Take
     flaws: tuple[Flaw, ...]
     markers: tuple[tuple[float, bool | str | None], ...] = ()
     frame: str = ""
+    breaks: tuple[float, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -97,7 +104,11 @@ def is_bag(path: Path) -> bool:
     """Whether a path looks like a bag: a file by its ending, or a folder of ROS 2."""
     if path.is_dir():
         return (path / "metadata.yaml").is_file() or bool(_storage_files(path))
-    return path.suffix.lower() in SUFFIXES
+    return path.suffix.lower() in SUFFIXES or _is_compressed(path)
+
+
+def _is_compressed(path: Path) -> bool:
+    return path.suffix.lower() in COMPRESSED and Path(path.stem).suffix.lower() in SUFFIXES
 
 
 def topics(path: Path) -> tuple[Topic, ...]:
@@ -163,26 +174,21 @@ def read_take(path: Path, source: Source, joint_names: Sequence[str] = (), marke
     with _opened(path) as bag:
         kind = bag.kind(source.topic)
         messages = bag.messages(source.topic)
-        passed_over: tuple[Flaw, ...] = ()
         frame = ""
         if kind == JOINTS:
-            samples = _joints(messages, tuple(joint_names), path)
-            received, stamps, values = samples.arrays()
-            names, passed_over = tuple(joint_names), samples.passed_over(path.stem)
-        elif kind == POSES:
-            received, stamps, values = _poses(messages)
-            names, frame = POSE, _only_frame(messages, path)
+            read = _joints(messages, tuple(joint_names), path).take(path.stem)
         else:
-            static = bag.messages(STATIC) if bag.has(STATIC) and source.topic != STATIC else []
-            received, stamps, values = _transforms([*static, *messages], source, path)
-            names = POSE
+            if kind == POSES:
+                frame, samples = _only_frame(messages, path), _poses(messages)
+            else:
+                samples = _transforms(messages, _static_edges(bag, source.topic), source, path)
+            received, stamps, values = samples
+            values = np.hstack([values[:, :3], continuous_signs(values[:, 3:])])
+            read = ReceivedTake.of((received, stamps, values), POSE, path.stem)
         marks = bag.messages(marker) if marker else []
-    seconds, flaws = seconds_of(received, stamps, path.stem)
-    if kind != JOINTS and len(values):
-        values = np.hstack([values[:, :3], continuous_signs(values[:, 3:])])
-    at = np.interp([mark.received for mark in marks], received, seconds) if marks else []
+    at = np.interp([mark.received for mark in marks], read.received, read.take.times) if marks else []
     markers = tuple((float(time), getattr(mark.content, "data", None)) for time, mark in zip(at, marks, strict=True))
-    return BagTake(Take(path.stem, seconds, values, names), (*flaws, *passed_over), markers, frame)
+    return BagTake(read.take, read.flaws, markers, frame, read.breaks)
 
 
 def _joints(messages: list[_Message], names: tuple[str, ...], path: Path) -> JointSamples:
@@ -216,41 +222,63 @@ def _only_frame(messages: list[_Message], path: Path) -> str:
     return frames[0]
 
 
-def _transforms(messages: list[_Message], source: Source, path: Path) -> Samples:
+def _transforms(messages: list[_Message], static: _Edges, source: Source, path: Path) -> Samples:
     """Poses of the tool's frame in the base's, through all frames between, whenever the last moving one was published.
 
     The others are interpolated to those times, and held before their first and after their last.
     """
-    edges: dict[str, tuple[str, list]] = {}
-    for message in messages:
-        for transform in message.content.transforms:
-            moved = transform.transform
-            parent, rows = edges.setdefault(_frame(transform.child_frame_id), (_frame(transform.header.frame_id), []))
-            pose = _pose(moved.translation, moved.rotation)
-            rows.append((message.received, stamp_of(transform.header), pose))
+    edges = static | _edges(messages)
     chain, frame = [], _frame(source.tool)
     while frame != _frame(source.base):
         if frame not in edges or len(chain) == LONGEST_CHAIN:
-            frames = sorted({*edges, *(parent for parent, _ in edges.values())})
+            frames = sorted({*edges, *(parent for parents in edges.values() for parent in parents)})
             raise DemonstrationError(
                 f"{path}: no transforms lead from {brief(source.base)} to {brief(source.tool)}, none has the child "
                 f"{brief(frame)}; the frames there are {brief(', '.join(frames), 300)}"
             )
-        parent, rows = edges[frame]
+        if len(edges[frame]) > 1:
+            raise DemonstrationError(
+                f"{path}: the frame {brief(frame)} is placed in {brief(' and in '.join(edges[frame]), 200)}: two "
+                "programs publish it, or it changed its parent while this was recorded"
+            )
+        ((frame, rows),) = edges[frame].items()
         chain.append(stacked(rows))
-        frame = parent
     if not chain:
         raise DemonstrationError(f"{path}: {source.topic}: the frames of base and tool are both {brief(source.base)}")
     moving = [edge for edge in chain if len(edge[0]) > 1]
-    clock = 1 if all(np.all(edge[1] > 0) for edge in moving) else 0
     received, stamps, _ = moving[0] if moving else chain[0]
-    at = (received, stamps)[clock].astype(float)
+    unset = "" if all(np.all(edge[1] > 0) for edge in moving) else "without stamps"
+    clock = Clock.of(received, stamps, unset=unset)
+    at = clock.nanoseconds(received, stamps).astype(float)
     position, rotation = np.zeros((len(at), 3)), np.tile([1.0, 0.0, 0.0, 0.0], (len(at), 1))
     for edge in chain:
-        there, turn = _at(edge[clock].astype(float), edge[2], at)
+        there, turn = _at(clock.nanoseconds(*edge[:2]).astype(float), edge[2], at)
         position = there + to_rotation(turn).apply(position)
         rotation = multiply(turn, rotation)
-    return received, stamps, np.hstack([position, rotation])
+    return received, np.zeros_like(stamps) if unset else stamps, np.hstack([position, rotation])
+
+
+def _edges(messages: list[_Message]) -> _Edges:
+    edges: _Edges = {}
+    for message in messages:
+        for transform in message.content.transforms:
+            moved, parents = transform.transform, edges.setdefault(_frame(transform.child_frame_id), {})
+            rows = parents.setdefault(_frame(transform.header.frame_id), [])
+            rows.append((message.received, stamp_of(transform.header), _pose(moved.translation, moved.rotation)))
+    return edges
+
+
+def _static_edges(bag: _Bag, topic: str) -> _Edges:
+    """Static transforms beside a topic: those of its own namespace before those of none.
+
+    Latched ones are published again for nodes that join later: the last counts.
+    """
+    own = f"{topic.rpartition('/')[0]}{STATIC}"
+    edges: _Edges = {}
+    for name in dict.fromkeys((STATIC, own)):
+        if bag.has(name) and name != topic:
+            edges |= _edges(bag.messages(name))
+    return {child: {parent: rows[-1:] for parent, rows in parents.items()} for child, parents in edges.items()}
 
 
 def _at(times: np.ndarray, poses: np.ndarray, at: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -329,6 +357,11 @@ def _opened(path: Path) -> Iterator[_Bag]:
 
     if not path.exists():
         raise DemonstrationError(f"{path}: cannot be read (No such file or directory)")
+    if _is_compressed(path):
+        raise DemonstrationError(
+            f"{path}: is a compressed file of a bag: give its folder, {path.parent}, where metadata.yaml says what is "
+            f"in it; without that, decompress it first (`zstd -d {path.name}`)"
+        )
     if not is_bag(path) or not (path.is_dir() or path.is_file()):
         raise DemonstrationError(f"{path}: is no bag: a folder of ROS 2, or a file that ends in {', '.join(SUFFIXES)}")
     try:

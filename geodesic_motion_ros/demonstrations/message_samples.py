@@ -3,54 +3,81 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import Any
 
 import numpy as np
 
+from geodesic_motion_ros.demonstrations.clocks import Clock
 from geodesic_motion_ros.demonstrations.takes import Action, Flaw, Take
 from geodesic_motion_ros.utils.checked_files import brief
-
-#: Stamps of a header are used where at least this share of them rises; clocks that are not set give zeros.
-RISING_SHARE = 0.5
+from geodesic_motion_ros.utils.errors import DemonstrationError
 
 #: Messages without any of the joints, as of a gripper, are no flaw between those that count, up to so long [s].
 OTHERS_ALONE = 1.0
+
+#: Joints that come apart are merged where the samples of each are no farther apart than so many of its usual steps.
+FARTHEST_APART = 3.0
+#: Joints whose stamps lag behind the recorder by times that differ by more [ns] are stamped by different clocks.
+CLOCKS_APART = 50_000_000
 
 #: When they were received (T,) and stamped (T,) [ns], and their values (T, C).
 Samples = tuple[np.ndarray, np.ndarray, np.ndarray]
 
 
+@dataclass(frozen=True)
+class ReceivedTake:
+    """A take out of messages, and what was found in them.
+
+    received : (T,) when its samples were received [ns].
+    breaks : times [s] at which the stamps began again.
+    """
+
+    take: Take
+    flaws: tuple[Flaw, ...]
+    received: np.ndarray
+    breaks: tuple[float, ...]
+
+    @classmethod
+    def of(cls, samples: Samples, names: Sequence[str], name: str) -> ReceivedTake:
+        """Of samples in the order in which they were received; names : of their columns."""
+        received, stamps, values = samples
+        clock = Clock.of(received, stamps)
+        seconds = clock.nanoseconds(received, stamps) / 1e9
+        return cls(Take(name, seconds, values, tuple(names)), clock.flaws(name), received, clock.breaks)
+
+
 class JointSamples:
     """Positions [rad] of named joints out of sensor_msgs/JointState, whatever their order in each message and whatever
-    else it has; messages without a finite position of one of them are passed over.
+    else it has.
+
+    Messages without a finite position of one of them are passed over, unless no message has them all: then those of
+    several messages are merged, by joint and stamp.
     """
 
     def __init__(self, names: Sequence[str]) -> None:
         self._names = tuple(names)
         self._rows: list[tuple[int, int, np.ndarray]] = []
+        self._parts: list[tuple[int, int, np.ndarray]] = []
+        self._found = np.zeros(len(self._names), dtype=int)
         self._seen: dict[str, None] = {}
-        self._incomplete: list[int] = []
         self._of_others: list[int] = []
 
     def __len__(self) -> int:
-        return len(self._rows)
+        return len(self._rows) or int(self._found.min())
 
     def add(self, received: int, message: Any) -> None:
         """Take a message that was received at a time [ns]."""
-        order = {name: place for place, name in enumerate(message.name)}
-        self._seen |= dict.fromkeys(order)
-        positions = message.position
-        if order.keys().isdisjoint(self._names):
+        self._seen |= dict.fromkeys(message.name)
+        if set(message.name).isdisjoint(self._names):
             self._of_others.append(received)
             return
-        places = [order.get(name, len(positions)) for name in self._names]
-        row = np.array([positions[place] if place < len(positions) else np.nan for place in places], dtype=float)
-        if np.all(np.isfinite(row)):
-            self._rows.append((received, stamp_of(message.header), row))
-        else:
-            # drivers of ros2_control publish NaN before the first state of the hardware
-            self._incomplete.append(received)
+        row = positions_in(message, self._names)
+        finite = np.isfinite(row)
+        self._found += finite
+        # drivers of ros2_control publish NaN before the first state of the hardware
+        (self._rows if np.all(finite) else self._parts).append((received, stamp_of(message.header), row))
 
     @property
     def unnamed(self) -> list[str]:
@@ -62,27 +89,55 @@ class JointSamples:
         lacking = f"no message has {', '.join(self.unnamed or ['a finite position of each of the joints'])}"
         return f"{lacking}; the joints there are {brief(', '.join(self._seen) or 'none', 300)}"
 
-    def arrays(self) -> Samples:
-        """At least one message counts."""
-        return stacked(self._rows)
+    def take(self, name: str) -> ReceivedTake:
+        """What the messages make, at least one sample.
 
-    def take(self, name: str) -> tuple[Take, tuple[Flaw, ...]]:
-        """A take of at least one message, and what was found in its times."""
-        received, stamps, values = self.arrays()
-        times, flaws = seconds_of(received, stamps, name)
-        return Take(name, times, values, self._names), (*flaws, *self.passed_over(name))
+        DemonstrationError: the joints come in several messages, and never at one time.
+        """
+        if not self._rows:
+            return self._merged(name)
+        read = ReceivedTake.of(stacked(self._rows), self._names, name)
+        return replace(read, flaws=(*read.flaws, *self._passed_over(name)))
 
-    def passed_over(self, name: str) -> tuple[Flaw, ...]:
+    def _merged(self, name: str) -> ReceivedTake:
+        """Samples whenever the joint comes that comes least often, the others on straight lines between theirs."""
+        received, stamps, parts = stacked(self._parts)
+        finite = np.isfinite(parts)
+        lags = np.array([np.median((received - stamps)[own]) for own in finite.T])
+        unset = f"whose clocks differ by {np.ptp(lags) / 1e9:.2f} s" if np.ptp(lags) > CLOCKS_APART else ""
+        clock = Clock.of(received, stamps, len(self), unset)
+        times = clock.nanoseconds(received, stamps)
+        rarest = finite[:, np.argmin(self._found)]
+        at, first = np.unique(times[rarest], return_index=True)
+        values, near = np.empty((len(at), len(self._names))), np.ones(len(at), dtype=bool)
+        for joint, own in enumerate(finite.T):
+            there, place = np.unique(times[own], return_index=True)
+            values[:, joint] = np.interp(at, there, parts[own, joint][place])
+            near &= _is_near(at, there)
+        what = f"has its joints in several messages: {self._groups()}"
+        if not np.any(near):
+            raise DemonstrationError(f"{name} {what}; they never come at one time")
+        merged = Flaw(name, 0.0, what, Action.CONVERTED, "merged by joint and time")
+        take = Take(name, at[near] / 1e9, values[near], self._names)
+        return ReceivedTake(take, (*clock.flaws(name), merged), received[rarest][first][near], clock.breaks)
+
+    def _groups(self) -> str:
+        """The joints that come together, as "a, b | c"."""
+        patterns = dict.fromkeys(tuple(np.isfinite(row)) for _, _, row in self._parts)
+        groups = [", ".join(name for name, own in zip(self._names, each, strict=True) if own) for each in patterns]
+        return brief(" | ".join(group for group in groups if group), 300)
+
+    def _passed_over(self, name: str) -> tuple[Flaw, ...]:
         """What is lost with the messages that do not count, of at least one that does.
 
         Those of other joints are a flaw where they are alone for OTHERS_ALONE, as when a driver renames its joints.
         """
         received = np.array([row[0] for row in self._rows])
         flaws = []
-        if self._incomplete:
-            total = len(received) + len(self._incomplete)
-            what = f"has {len(self._incomplete)} of {total} messages without a finite position of each of the joints"
-            first = (self._incomplete[0] - received[0]) / 1e9
+        if self._parts:
+            total = len(received) + len(self._parts)
+            what = f"has {len(self._parts)} of {total} messages without a finite position of each of the joints"
+            first = (self._parts[0][0] - received[0]) / 1e9
             flaws.append(Flaw(name, first, what, Action.REPAIRED, "they are left out"))
         others = np.array(self._of_others)
         for begin, end in pairwise([*others[:1], *received, *others[-1:]]):
@@ -94,13 +149,19 @@ class JointSamples:
         return tuple(flaws)
 
 
-def seconds_of(received: np.ndarray, stamps: np.ndarray, name: str) -> tuple[np.ndarray, tuple[Flaw, ...]]:
-    """Times (T,) [s] from the first on: those of the headers, or of the recorder where headers have none that rise."""
-    if len(stamps) > 1 and (np.any(stamps <= 0) or np.mean(np.diff(stamps) > 0) < RISING_SHARE):
-        unset = "without stamps" if np.any(stamps <= 0) else "with stamps that do not rise"
-        flaw = Flaw(name, 0.0, f"has headers {unset}", Action.REPAIRED, "the times of the recorder are used")
-        return (received - received[0]) / 1e9, (flaw,)
-    return (stamps - stamps[0]) / 1e9, ()
+def positions_in(message: Any, names: Sequence[str]) -> np.ndarray:
+    """Positions (eta,) [rad] of joints in a message, NaN of those that it does not have."""
+    order, positions = {name: place for place, name in enumerate(message.name)}, message.position
+    places = [order.get(name, len(positions)) for name in names]
+    return np.array([positions[place] if place < len(positions) else np.nan for place in places], dtype=float)
+
+
+def _is_near(at: np.ndarray, times: np.ndarray) -> np.ndarray:
+    """Whether times (T,) lie between samples at `times` that are no farther apart than FARTHEST_APART usual steps."""
+    steps = np.diff(times, append=np.inf)
+    step = steps[np.searchsorted(times, at, "right") - 1]
+    near = (at >= times[0]) & (step <= FARTHEST_APART * np.median(np.diff(times))) if len(times) > 1 else False
+    return near | np.isin(at, times)
 
 
 def stamp_of(header: Any) -> int:

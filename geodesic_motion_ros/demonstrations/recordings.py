@@ -13,7 +13,7 @@ from geodesic_motion_ros.demonstrations.flaws import find_strangers, repair_demo
 from geodesic_motion_ros.demonstrations.joint_demonstrations import JointDemonstrations
 from geodesic_motion_ros.demonstrations.readers import demonstrations_of, joint_demonstrations_of
 from geodesic_motion_ros.demonstrations.splitting import Split, split
-from geodesic_motion_ros.demonstrations.takes import Action, Flaw, Take
+from geodesic_motion_ros.demonstrations.takes import NO_FLAW, Action, Flaw, Take
 from geodesic_motion_ros.geometry.curves import arc_length
 from geodesic_motion_ros.robot.description import RobotDescription
 from geodesic_motion_ros.utils.checked_files import brief
@@ -77,7 +77,7 @@ class Recording:
             take, repaired = repair_samples(read.take)
             flaws += [*read.flaws, *repaired]
             if not any(flaw.action is Action.REFUSED for flaw in repaired):
-                parts, between = split(take, how, read.markers)
+                parts, between = split(take, how, read.markers, read.breaks)
                 motions += parts
                 flaws += between
         return cls._of([read.take for read in reads], motions, flaws, robot)
@@ -110,7 +110,7 @@ class Recording:
         ------
         DemonstrationError : names the first flaw for which the recording is refused, or all that leave too little.
         """
-        wrong = [flaw for flaw in self.flaws if flaw.action is not Action.PASSED_OVER] if strict else self.refused
+        wrong = [flaw for flaw in self.flaws if flaw.action not in NO_FLAW] if strict else self.refused
         if wrong:
             more = f" (and {len(wrong) - 1} more: `inspect` lists them)" if len(wrong) > 1 else ""
             rule = "; --strict refuses it" if strict and wrong[0].action is not Action.REFUSED else ""

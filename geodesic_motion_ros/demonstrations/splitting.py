@@ -77,11 +77,12 @@ class Split:
 
 
 def split(
-    take: Take, how: Split, markers: Sequence[tuple[float, bool | str | None]] = ()
+    take: Take, how: Split, markers: Sequence[tuple[float, bool | str | None]] = (), breaks: Sequence[float] = ()
 ) -> tuple[list[Take], list[Flaw]]:
     """The demonstrations in a take, and what was not taken for one. DemonstrationError: there is none.
 
     markers : times [s] and values of the messages of `how.marker`.
+    breaks : times [s] of samples that no motion leads to from the one before, as where a simulation was reset.
     """
     if how.times:
         spans = [Span(begin, end, f"{take.name}_{number}") for number, (begin, end) in enumerate(how.times)]
@@ -95,7 +96,7 @@ def split(
     elif how.marker:
         spans, flaws = marked_spans(markers, float(take.times[-1]), take.name)
     else:
-        spans, flaws = moving_spans(take, how.pause), []
+        spans, flaws = moving_spans(take, how.pause, breaks), []
     motions = []
     for span in spans:
         part = _moving_part(take, span, how)
@@ -136,10 +137,11 @@ def still_samples(take: Take, duration: float) -> np.ndarray:
     return covered[nearest] > 0
 
 
-def moving_spans(take: Take, pause: float) -> list[Span]:
-    """The parts of a take between standstills, and gaps, of `pause` seconds, one after the other."""
+def moving_spans(take: Take, pause: float, breaks: Sequence[float] = ()) -> list[Span]:
+    """The parts of a take between standstills, gaps, of `pause` seconds, and breaks [s], one after the other."""
     still = still_samples(take, pause)
-    gap = np.append(np.diff(take.times) >= pause, True)
+    broken = np.diff(np.searchsorted(np.array(breaks), take.times, "right")) > 0
+    gap = np.append((np.diff(take.times) >= pause) | broken, True)
     spans, begin = [], None
     for sample in range(len(take)):
         if not still[sample] and begin is None:

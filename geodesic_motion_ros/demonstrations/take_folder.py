@@ -67,8 +67,10 @@ class TakeFolder:
         name = self.next_name
         if not len(samples):
             raise DemonstrationError(f"{name}: {samples.lacking()}")
-        take, found = samples.take(name)
-        take = self._cut(take)
+        read = samples.take(name)
+        if read.breaks:
+            raise DemonstrationError(f"{read.flaws[0]}: was the simulation reset?")
+        take, found = self._cut(read.take), read.flaws
         recording = Recording.of_files([*self._takes, take], self._robot_name)
         own = [*found, *(flaw for flaw in recording.flaws if flaw.demonstration == name)]
         if wrong := [flaw for flaw in own if flaw.action in _UNUSABLE]:

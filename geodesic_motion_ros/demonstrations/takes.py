@@ -57,6 +57,12 @@ class Action(Enum):
     REFUSED = "refused"
     #: What lies between demonstrations, and is no flaw of them.
     PASSED_OVER = "passed over"
+    #: How something was read that recorders write in several forms; certain, and no flaw.
+    CONVERTED = "converted"
+
+
+#: What even --strict accepts.
+NO_FLAW = (Action.PASSED_OVER, Action.CONVERTED)
 
 
 @dataclass(frozen=True)

@@ -5,7 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-from geodesic_motion_ros.demonstrations.message_samples import JointSamples, stamp_of
+import numpy as np
+
+from geodesic_motion_ros.demonstrations.message_samples import JointSamples, positions_in, stamp_of
 from geodesic_motion_ros.utils.checked_files import brief
 
 #: Without a message for so long [s] none arrive: the slowest driver sends five a second.
@@ -20,15 +22,18 @@ class JointWatch:
     def __init__(self, names: Sequence[str]) -> None:
         self._names = tuple(names)
         self._heard, self._usable = -float("inf"), -float("inf")
+        # of each joint: drivers may publish them in several messages
+        self._joints_heard = np.full(len(self._names), -np.inf)
         self._lacking = ""
         self._stamp, self._stamp_since = 0, 0.0
 
     def receive(self, message: Any, now: float) -> None:
         """Take a message as it arrives."""
         self._heard = now
-        one = JointSamples(self._names)
-        one.add(0, message)
-        if not len(one):
+        self._joints_heard[np.isfinite(positions_in(message, self._names))] = now
+        if now - self._joints_heard.min() > SILENCE:
+            one = JointSamples(self._names)
+            one.add(0, message)
             self._lacking = one.lacking()
             return
         self._usable = now

@@ -74,6 +74,34 @@ def test_transforms_are_composed_through_the_frames_between(kind, bag, tmp_path)
         read_take(path, Source.parse("/tf:base:hand"))
 
 
+def test_static_transforms_of_the_topics_own_namespace_count_before_the_others(bag, tmp_path) -> None:
+    """Latched ones are recorded again for each node that joins: once more changes nothing."""
+    moving = [(time, time, [("base", "flange", np.append([0.0, 0.0, 0.01 * number], TURN))])
+              for number, time in enumerate(TIMES)]
+    for height, topic in ((0.1, "/left/tf_static"), (0.1, "/tf_static"), (0.0, "/right/tf_static")):
+        static = [(TIMES[place], TIMES[place], [("flange", "tool", np.append([0.0, 0.0, height], TURN))])
+                  for place in (0, 30)]
+        wrong = [(TIMES[0], TIMES[0], [("flange", "tool", np.append([0.0, 0.0, 9.0], TURN))])]
+        beside = {"/tf_static": wrong} if topic == "/left/tf_static" else {}
+        path = bag.write(tmp_path / topic.replace("/", "_"), {"/left/tf": moving, topic: static, **beside})
+        source = Source.parse("/left/tf:base:tool")
+        if height == 0.0:
+            with pytest.raises(DemonstrationError, match="none has the child 'tool'"):
+                read_take(path, source)
+            continue
+        take = read_take(path, source).take
+        reached = np.array([poses[0][2][:3] for _, _, poses in moving]) + rotate(TURN, np.array([0.0, 0.0, height]))
+        np.testing.assert_allclose(take.values[:, :3], reached, atol=1e-9)
+
+
+def test_a_frame_with_two_parents_is_refused(bag, tmp_path) -> None:
+    pose = np.append([0.1, 0.0, 0.0], TURN)
+    rows = [(time, time, [("left" if number % 2 else "right", "tool", pose), ("base", "left", pose)])
+            for number, time in enumerate(TIMES)]
+    with pytest.raises(DemonstrationError, match="frame 'tool' is placed in 'right and in left'"):
+        read_take(bag.write(tmp_path / "parents", {"/tf": rows}), Source.parse("/tf:base:tool"))
+
+
 @pytest.mark.parametrize(
     ("unusable", "found"),
     [
@@ -97,6 +125,59 @@ def test_messages_that_do_not_count_are_stated_and_the_others_are_read(unusable,
     np.testing.assert_array_equal(read.take.values, np.delete(VALUES, np.arange(first, last), axis=0))
     # 0.4 s of others alone are those of a gripper that publishes between
     assert [str(flaw).removeprefix(f"'{how}' ").partition(";")[0] for flaw in read.flaws] == ([found] if found else [])
+
+
+def in_parts(late: float, stamped_apart: float = 0.0) -> list:
+    """The joints in two messages, the second `late` [s] and of a clock `stamped_apart` [s]; between them a finger's."""
+    messages = []
+    for when, stamp, row in joint_messages():
+        wrist = {"wrist": float(np.interp(when + late, TIMES, VALUES[:, 2]))}
+        messages += [(when, stamp, {"right": row["right"], "left": row["left"]}), (when, stamp, {"finger": 0.04})]
+        messages.append((when + late, stamp + late + stamped_apart, wrist))
+    return messages
+
+
+@pytest.mark.parametrize("stamped_apart", [0.0, 60.0])
+def test_joints_in_several_messages_are_merged_by_joint_and_time(stamped_apart, bag, tmp_path) -> None:
+    """Each joint lies on the straight line between its own samples, whatever the others do."""
+    read = joints_of(bag.write(tmp_path / "parts", {"/joint_states": in_parts(0.004, stamped_apart)}))
+    np.testing.assert_allclose(read.take.times, TIMES[1:] - TIMES[0], atol=1e-6)
+    np.testing.assert_array_equal(read.take.values[:, :2], VALUES[1:, :2])
+    sent = TIMES - TIMES[0] + 0.004
+    np.testing.assert_allclose(
+        read.take.values[:, 2], np.interp(read.take.times, sent, np.interp(sent, TIMES - TIMES[0], VALUES[:, 2])),
+        atol=1e-6,
+    )  # fmt: skip
+    clocks = ["has headers whose clocks differ by 60.00 s"] if stamped_apart else []
+    assert [flaw.what for flaw in read.flaws] == [*clocks, "has its joints in several messages: 'left, right | wrist'"]
+
+
+def test_nothing_is_made_up_where_one_of_several_messages_is_lost(bag, tmp_path) -> None:
+    messages = [message for message in in_parts(0.004) if "wrist" not in message[2] or not 0.2 < message[0] % 100 < 0.4]
+    read = joints_of(bag.write(tmp_path / "lost", {"/joint_states": messages}))
+    step = int(np.argmax(np.diff(read.take.times)))
+    assert read.take.times[step : step + 2] == pytest.approx([0.194, 0.404], abs=1e-6)
+
+
+def test_joints_that_never_come_at_one_time_are_refused(bag, tmp_path) -> None:
+    rows = [*joint_messages(values=VALUES[:, :2], names=NAMES[:2]),
+            *joint_messages(TIMES + 9.0, TIMES + 9.0, VALUES[:, 2:], NAMES[2:])]
+    with pytest.raises(DemonstrationError, match=r"several messages: 'left, right | wrist'; they never come at one"):
+        joints_of(bag.write(tmp_path / "apart", {"/joint_states": rows}))
+
+
+def test_a_clock_that_begins_again_goes_on_by_the_recorders(bag, tmp_path) -> None:
+    """As of a simulation that is reset. The control: messages that come late, in another order, are no such thing."""
+    stamps = np.concatenate([2.0 + 0.1 * np.arange(30)] * 2)
+    received = 1e9 + 0.1 * np.arange(60) + np.where(np.arange(60) < 30, 0.0, 1.5)
+    read = joints_of(bag.write(tmp_path / "reset", {"/joint_states": joint_messages(received, stamps)}))
+    np.testing.assert_allclose(read.take.times, received - received[0], atol=1e-6)
+    (flaw,) = read.flaws
+    assert (flaw.what, flaw.time) == ("has stamps that begin again, at 2.00 s", pytest.approx(4.5, abs=1e-6))
+    assert read.breaks == pytest.approx([4.5], abs=1e-6)
+    late = TIMES.copy()
+    late[20] -= 50.0
+    assert joints_of(bag.write(tmp_path / "late", {"/joint_states": joint_messages(stamps=late)})).breaks == ()
 
 
 @pytest.mark.parametrize("part", ["beginning", "middle", "end"])
@@ -202,7 +283,11 @@ def test_a_bag_without_metadata_is_read_by_its_files(bag, tmp_path) -> None:
 def test_what_is_no_bag_is_refused(tmp_path) -> None:
     (tmp_path / "text.bag").write_text("no bag")
     (tmp_path / "empty").mkdir()
-    for name, message in (("text.bag", "no readable bag"), ("none.mcap", "No such file"), ("empty", "is no bag")):
+    (tmp_path / "part.db3.zstd").touch()
+    for name, message in (
+        ("text.bag", "no readable bag"), ("none.mcap", "No such file"), ("empty", "is no bag"),
+        ("part.db3.zstd", rf"is a compressed file of a bag: give its folder, {tmp_path}"),
+    ):  # fmt: skip
         with pytest.raises(DemonstrationError, match=message):
             topics(tmp_path / name)
     assert not is_bag(tmp_path / "empty")

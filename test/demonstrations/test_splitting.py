@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from geodesic_motion_ros.demonstrations.splitting import Split, split
+from geodesic_motion_ros.demonstrations.splitting import Split, moving_spans, split
 from geodesic_motion_ros.demonstrations.takes import Action, Take
 from geodesic_motion_ros.utils.errors import DemonstrationError
 
@@ -109,6 +109,14 @@ def test_what_no_mark_ends_is_stated_and_ends_with_the_recording() -> None:
     assert (flaw.what, flaw.action) == ("has no marker that ends it", Action.REPAIRED)
     with pytest.raises(DemonstrationError, match="2 markers, and none of them begins"):
         split(moved([START, GOAL]), Split(marker="/mark"), [(3.0, False), (4.0, False)])
+
+
+def test_no_motion_leads_past_a_break() -> None:
+    take = moved([START, GOAL])
+    middle = float(take.times[len(take) // 2])
+    (whole,), (before, after) = moving_spans(take, 2.5), moving_spans(take, 2.5, [middle])
+    assert (before.begin, after.end) == (whole.begin, whole.end)
+    assert before.end < middle <= after.begin
 
 
 def test_times_split_and_what_does_not_move_is_left_out() -> None:

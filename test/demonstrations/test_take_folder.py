@@ -124,6 +124,14 @@ def test_stamps_that_stand_leave_the_times_of_the_recorder_and_clocks_that_both_
         folder.keep(standing)
 
 
+def test_a_take_during_which_the_simulation_was_reset_is_refused(tmp_path: Path) -> None:
+    path = motion()
+    stamps = 10_000_000 * np.arange(1, len(path) + 1) + 60 * 10**9
+    stamps[200:] -= 60 * 10**9
+    with pytest.raises(DemonstrationError, match=r"has stamps that begin again, at 2\.01 s.*was the simulation reset"):
+        TakeFolder(tmp_path, "panda").keep(received(path, stamps=stamps))
+
+
 def test_the_last_one_of_this_session_can_be_deleted_and_none_of_before(folder: TakeFolder) -> None:
     again = TakeFolder(folder.folder, "panda")
     assert (len(again), again.next_name) == (3, "take_004")

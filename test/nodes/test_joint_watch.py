@@ -50,6 +50,16 @@ def test_joints_that_are_missing_are_named_beside_those_that_are_there(watch: Jo
     assert "no message has right; the joints there are 'left, finger'" in watch.objection(now)
 
 
+def test_joints_that_come_in_several_messages_are_enough_until_one_is_silent(watch: JointWatch) -> None:
+    for number in range(100):
+        for name in NAMES:
+            watch.receive(state(1.0 + number, (name,)), 0.1 * number)
+        assert watch.objection(0.1 * number) == ""
+    for number in range(100, 130):
+        watch.receive(state(1.0 + number, ("left",)), 0.1 * number)
+    assert "no message has right" in watch.objection(12.9)
+
+
 def test_a_gripper_on_the_same_topic_does_not_matter(watch: JointWatch) -> None:
     messages = [message for number in range(100) for message in (state(1.0 + number), state(1.0, ("finger",)))]
     assert watch.objection(hear(watch, *messages)) == ""
