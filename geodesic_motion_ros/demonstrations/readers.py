@@ -27,6 +27,7 @@ from geodesic_motion_ros.demonstrations.recorded_tables import (
 )
 from geodesic_motion_ros.demonstrations.takes import POSE, Take
 from geodesic_motion_ros.demonstrations.text_tables import parse_mapping, text_tables
+from geodesic_motion_ros.demonstrations.turns import aligned, unwrapped
 from geodesic_motion_ros.geometry.curves import arc_length
 from geodesic_motion_ros.geometry.quaternions import continuous_signs
 from geodesic_motion_ros.utils.checked_numbers import ARM_REACH
@@ -150,8 +151,9 @@ def joint_demonstrations_of(takes: Sequence[Take], robot: str) -> JointDemonstra
     """Those of takes of a robot's joints, one each; DemonstrationError names what cannot be used."""
     from geodesic_motion_ros.robot.kinematics import Robot
 
-    items = tuple(JointDemonstration(take.values, take.times, take.name) for take in takes)
     arm = Robot.named(robot)
+    motions, _ = aligned([unwrapped(take, arm)[0] for take in takes], arm)
+    items = tuple(JointDemonstration(motion.values, motion.times, motion.name) for motion in motions)
     demonstrations = JointDemonstrations(items, arm.joint_names, robot)
     demonstrations.check_robot(arm)
     return demonstrations

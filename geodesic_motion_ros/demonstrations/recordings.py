@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from geodesic_motion_ros.demonstrations import bags
 from geodesic_motion_ros.demonstrations.demonstrations import Demonstrations
@@ -14,10 +14,14 @@ from geodesic_motion_ros.demonstrations.joint_demonstrations import JointDemonst
 from geodesic_motion_ros.demonstrations.readers import demonstrations_of, joint_demonstrations_of
 from geodesic_motion_ros.demonstrations.splitting import Split, split
 from geodesic_motion_ros.demonstrations.takes import NO_FLAW, Action, Flaw, Take
+from geodesic_motion_ros.demonstrations.turns import aligned, unwrapped
 from geodesic_motion_ros.geometry.curves import arc_length
 from geodesic_motion_ros.robot.description import RobotDescription
 from geodesic_motion_ros.utils.checked_files import brief
 from geodesic_motion_ros.utils.errors import DemonstrationError
+
+if TYPE_CHECKING:
+    from geodesic_motion_ros.robot.kinematics import Robot
 
 #: With a larger share of demonstrations left out, the recording is another one than it was taken for.
 LARGEST_SHARE_LEFT_OUT = 0.5
@@ -43,7 +47,7 @@ class Recording:
     @classmethod
     def of_files(cls, takes: Sequence[Take], robot: str = "") -> Recording:
         """Takes that are one demonstration each. DemonstrationError: a value that cannot be used."""
-        repaired = [repair_samples(take) for take in takes]
+        repaired = [_repaired(take, robot) for take in takes]
         flaws = [flaw for _, found in repaired for flaw in found]
         return cls._of(takes, [take for take, _ in repaired], flaws, robot)
 
@@ -58,7 +62,7 @@ class Recording:
         reads = []
         for path in paths:
             source, found = bags.chosen_source(path, topic)
-            names = _joint_names(robot) if found.kind == bags.JOINTS else ()
+            names = _robot(robot).joint_names if found.kind == bags.JOINTS else ()
             reads.append(_in_base(bags.read_take(path, source, names, how.marker), robot))
         takes = [read.take for read in reads]
         if len({take.of_joints for take in takes}) > 1:
@@ -74,7 +78,7 @@ class Recording:
         motions: list[Take] = []
         flaws: list[Flaw] = []
         for read in reads:
-            take, repaired = repair_samples(read.take)
+            take, repaired = _repaired(read.take, robot)
             flaws += [*read.flaws, *repaired]
             if not any(flaw.action is Action.REFUSED for flaw in repaired):
                 parts, between = split(take, how, read.markers, read.breaks)
@@ -84,8 +88,9 @@ class Recording:
 
     @classmethod
     def _of(cls, takes: Sequence[Take], motions: Sequence[Take], flaws: list[Flaw], robot: str) -> Recording:
+        motions, turns = aligned(motions, _robot(robot)) if robot else (motions, [])
         repaired = [repair_demonstration(motion) for motion in motions]
-        flaws = [*flaws, *(flaw for _, found in repaired for flaw in found)]
+        flaws = [*flaws, *turns, *(flaw for _, found in repaired for flaw in found)]
         found = cls(tuple(takes), tuple(motion for motion, _ in repaired), tuple(flaws), robot)
         if found.refused or not found._kept():
             return found
@@ -157,9 +162,7 @@ class Recording:
         demonstrations = self._demonstrations(self._kept())
         if isinstance(demonstrations, Demonstrations):
             return find_strangers(demonstrations)
-        from geodesic_motion_ros.robot.kinematics import Robot
-
-        tool = demonstrations.tool_demonstrations(Robot.named(self.robot))
+        tool = demonstrations.tool_demonstrations(_robot(self.robot))
         return find_strangers(tool, [item.configurations[[0, -1]] for item in demonstrations])
 
 
@@ -173,8 +176,15 @@ def _in_base(read: bags.BagTake, robot: str) -> bags.BagTake:
     return replace(read, flaws=(*read.flaws, flaw))
 
 
-def _joint_names(robot: str) -> tuple[str, ...]:
+def _repaired(take: Take, robot: str) -> tuple[Take, list[Flaw]]:
+    """The take without whole turns and wrong samples; robot : whose joints it has, "": it has poses."""
+    take, turns = unwrapped(take, _robot(robot)) if robot else (take, [])
+    take, found = repair_samples(take)
+    return take, turns + found
+
+
+def _robot(name: str) -> Robot:
     # compiled kernels, which recordings of poses do without
     from geodesic_motion_ros.robot.kinematics import Robot
 
-    return Robot.named(robot).joint_names
+    return Robot.named(name)

@@ -16,6 +16,7 @@ from geodesic_motion_ros.demonstrations.recorded_tables import files_in
 from geodesic_motion_ros.demonstrations.recordings import Recording
 from geodesic_motion_ros.demonstrations.splitting import Split, split
 from geodesic_motion_ros.demonstrations.takes import Action, Flaw, Take
+from geodesic_motion_ros.demonstrations.turns import unwrapped
 from geodesic_motion_ros.demonstrations.writers import save_take
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.utils.errors import DemonstrationError
@@ -108,7 +109,7 @@ class TakeFolder:
         """The take from its last standstill before the motion to the first after it, samples as they were recorded."""
         if len(take) < 2:
             raise DemonstrationError(f"{take.name} has {len(take)} sample: was the driver started just now?")
-        repaired, flaws = repair_samples(take)
+        repaired, flaws = repair_samples(unwrapped(take, self._robot)[0])
         if wrong := [flaw for flaw in flaws if flaw.action in _UNUSABLE]:
             raise DemonstrationError(str(wrong[0]))
         whole = Split(times=((float(repaired.times[0]), float(repaired.times[-1])),))
