@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import argparse
 
-from geodesic_motion_ros.cli.arguments import HelpFormatter, needing
+from geodesic_motion_ros.cli.arguments import HelpFormatter, needing, seconds
+from geodesic_motion_ros.utils.errors import ParameterError
 
 _DESCRIPTION = """\
-Sends the goal of a skill to a planner that runs, once, and prints whether the planner accepts it. If so the arm goes,
-unless the planner says what holds it (STALE_OBSTACLES, HOLD, ...): then as soon as nothing does.
-For those who have no `ros2` command line: for those who have, it prints the command that does the same.
+Sends the goal of a skill to a planner, once, and says what becomes of it: accepted, moving, arrived. It waits for a
+planner that starts. Where something holds the arm (NO_FEASIBLE_PATH, STALE_OBSTACLES, ...) the line says what, and the
+arm goes as soon as nothing does. The goal is a pose of the tool, or for arms of fewer than six joints a configuration.
+For those who have no `ros2` command line: for those who have, it prints the command that sends the same.
 """
 _EPILOG = """\
 examples:
@@ -17,7 +19,8 @@ examples:
   geodesic-motion goal panda_reach_to_grasp --move 0 0.02 0
   geodesic-motion goal panda_reach_to_grasp --ros-args -r __ns:=/left
 
-Exit status: 0 the planner has accepted the goal, 2 it has refused it, or there is no planner.
+Exit status: 0 the arm has arrived; 2 the planner has refused or dropped the goal, or is not there, or the arm stood for
+longer than --wait (one line says which); 130 after Ctrl-C, which leaves the goal with the planner.
 """
 
 
@@ -32,6 +35,10 @@ def add_command(commands: argparse._SubParsersAction) -> None:
         "--move", type=float, nargs=3, metavar=("X", "Y", "Z"), default=(0.0, 0.0, 0.0),
         help="this far from the skill's goal [m]",
     )  # fmt: skip
+    parser.add_argument(
+        "--wait", type=seconds, default=30.0, metavar="SECONDS",
+        help="how long to wait for a planner that is not there, and for an arm that stands before it has arrived",
+    )  # fmt: skip
     parser.add_argument("--print", action="store_true", dest="only_print", help="only print the command, send nothing")
     parser.add_argument(
         "--ros-args", nargs=argparse.REMAINDER, default=(), metavar="...",
@@ -41,19 +48,29 @@ def add_command(commands: argparse._SubParsersAction) -> None:
 
 
 def run(arguments: argparse.Namespace) -> None:
-    """Print the goal, send it, print the answer."""
+    """Print the command, send the goal, print what becomes of it."""
+    from geodesic_motion_ros.robot.kinematics import Robot
     from geodesic_motion_ros.skill.skill import Skill
 
     with needing("a goal needs", "source your ROS 2"):
-        from geodesic_motion_ros.nodes.goal_sender import by_hand, send_goal
+        from geodesic_motion_ros.nodes.goal_sender import Goal, JointGoal, PoseGoal, send_goal
     skill = Skill.load(arguments.skill)
-    goal = skill.goal_pose.copy()
-    goal[:3] += arguments.move
+    robot = Robot.named(skill.robot)
+    if skill.space == "task" or robot.takes_poses:
+        pose = skill.goal_pose.copy()
+        pose[:3] += arguments.move
+        goal: Goal = PoseGoal(pose, skill.base_frame)
+    elif any(arguments.move):
+        raise ParameterError(
+            f"--move is of a pose, and an arm of {len(robot.joint_names)} joints takes configurations: leave it out"
+        )
+    else:
+        goal = JointGoal(robot.joint_names, skill.mean_configuration("goal"))
 
-    def show(topic: str) -> None:
-        print(by_hand(goal, skill.base_frame, topic), flush=True)
+    def show(line: str) -> None:
+        print(line, flush=True)
 
     if arguments.only_print:
-        show("/goal_pose")
+        show(goal.by_hand(f"/{goal.topic}"))
     else:
-        print(f"goal accepted; the planner says {send_goal(goal, skill.base_frame, arguments.ros_args, show)}")
+        show(f"arrived after {send_goal(goal, arguments.ros_args, arguments.wait, show):.1f} s")

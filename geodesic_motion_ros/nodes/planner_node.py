@@ -52,6 +52,7 @@ class PlannerNode(LoopingNode):
 
     def _build(self) -> None:
         self._options = NodeParameters(self, PLANNER, _check_settings, self._parameters_changed)
+        self.get_logger().info(f"loading the skill {self._options['skill']}")
         skill = Skill.load(self._options["skill"])
         try:
             self._options.stand_in(of_robot(skill, self._options.values))
@@ -132,7 +133,9 @@ class PlannerNode(LoopingNode):
             output = self.cycle.stop(verdict)
         self.kind.send(self.outputs, output)
         margins, held = self.kind.margins(), self.kind.held()
-        self.outputs.status(output, self.inputs.refusals, self.loop, self._newest_plan, margins, held)
+        self.outputs.status(
+            output, self.cycle.goal_number, self.inputs.refusals, self.loop, self._newest_plan, margins, held
+        )
         if held != self._held:
             self._held = held
             self.get_logger().info(f"holding {', '.join(map(_held_text, held)) or 'nothing'}")

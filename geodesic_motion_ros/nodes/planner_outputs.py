@@ -136,6 +136,7 @@ class PlannerOutputs:
     def status(
         self,
         output: CycleOutput,
+        goal_number: int,
         refusals: Refusals,
         loop: SteadyLoop,
         plan: str,
@@ -144,6 +145,7 @@ class PlannerOutputs:
     ) -> None:
         """The verdict of a cycle, sent from within its tick: ticks and durations are of those before it.
 
+        goal_number : of the newest goal, whether it was accepted or not.
         margins : what the certificate counts, by name.
         plan : the newest answer of the service `plan`, `CODE: reason`; empty before the first.
         held : the objects in the hand that are counted.
@@ -171,6 +173,7 @@ class PlannerOutputs:
             "goal_covered": verdict.goal_covered,
             "goal_distance": verdict.goal_distance,
             **{name: getattr(verdict, name) for name in _END_FIGURES},
+            "goal_number": goal_number,
             "goal_code": output.goal_verdict.code.name,
             "goal_reason": output.goal_verdict.reason,
             "plan": plan,

@@ -206,6 +206,11 @@ class StreamCycle(ABC, Generic[Place, Prepared]):
         # the arm stands; "": none.
         self._goals_wait, self._uncounted = False, ""
 
+    @property
+    def goal_number(self) -> int:
+        """Of the newest goal that was received, counted from 1; 0 before the first."""
+        return self._goal_number
+
     def run(self, inputs: CycleInputs[Place], period: float) -> CycleOutput:
         """One cycle of a period [s]; what is commanded moves on by that, or by what has passed of a simulation."""
         self._began = self._clock()

@@ -64,19 +64,14 @@ def initial_joints(values: Mapping[str, Value], robot: Robot) -> np.ndarray:
 def start_joints(name: str) -> np.ndarray:
     """Joint positions (eta,) [rad] of its robot at the start of a skill, a folder or a shipped name.
 
-    A skill of joint space begins where its first group of demonstrations does on average, on the raw sheet where the
-    first demonstration does.
-
     Raises
     ------
     SkillError : there is no such skill. RobotError : there is no such robot, or it does not reach its start.
     """
     skill = Skill.load(name)
     robot = Robot.named(skill.robot)
-    if skill.canonical is None and skill.space == "joint":
-        joints = skill.decoder.configurations(skill.codes[0, :1])[0]
-    elif skill.space == "joint":
-        joints = skill.canonical.start_poles[0].copy()
+    if skill.space == "joint":
+        joints = skill.mean_configuration("start")
     else:
         joints = solve(robot, skill.start_pose[:3], skill.start_pose[3:])
     joints.setflags(write=False)

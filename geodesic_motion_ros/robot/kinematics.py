@@ -96,6 +96,11 @@ class Robot:
         """
         return cls(path, base_link, tool_link, limits_path)
 
+    @property
+    def takes_poses(self) -> bool:
+        """Whether it has the joints to hold its tool in any pose within reach: six or more."""
+        return len(self.joint_names) >= 6
+
     def checked(self, joint_positions: np.ndarray) -> np.ndarray:
         """Joint positions as a float64 copy (n,).
 

@@ -167,6 +167,15 @@ class Skill(LearnedModel):
     provenance: dict[str, Any] = field(default_factory=dict)
     scene: dict[str, Any] | None = None
 
+    def mean_configuration(self, end: Literal["start", "goal"]) -> np.ndarray:
+        """The configuration (eta,) [rad] in which the first group of demonstrations starts, or ends, on average; on the
+        raw sheet the first demonstration. Of a skill of joint space.
+        """
+        if isinstance(self.canonical, JointSheet):
+            return getattr(self.canonical, f"{end}_poles")[0].copy()
+        latent = self.codes[0, :1] if end == "start" else self.codes[0, -1:]
+        return self.decoder.configurations(latent)[0]
+
     @classmethod
     def of(cls, model: LearnedModel, energy_per_edge: float, **attributes: Any) -> Skill:
         """A skill of what was learned, with its other attributes by name."""

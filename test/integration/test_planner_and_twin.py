@@ -8,18 +8,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-import yaml
-from geometry_msgs.msg import Point, Pose, PoseStamped, Quaternion
+from geometry_msgs.msg import PoseStamped
 from nav_msgs.srv import GetPlan
-from std_msgs.msg import Float64, Header, UInt32
+from std_msgs.msg import Float64, UInt32
 from visualization_msgs.msg import MarkerArray
 
-from geodesic_motion_ros.nodes.goal_sender import GoalRefusedError, by_hand, send_goal
-from geodesic_motion_ros.nodes.messages import read_pose
 from geodesic_motion_ros.nodes.planner_node import PlannerNode
-from geodesic_motion_ros.nodes.stream_cycle import PREPARING
 from geodesic_motion_ros.nodes.twin_node import TwinNode
-from geodesic_motion_ros.skill.skill import Skill
 from geodesic_motion_ros.utils.errors import ParameterError
 
 #: Processes that are requested to end do so in 2 s; a busy machine may take longer [s].
@@ -69,51 +64,6 @@ def test_the_arm_reaches_the_goal_in_one_process(bench, options, skill, start_jo
     bench.wait_for_code("NO_GOAL")
     bench.send_goal(skill.goal_pose)
     arrive(bench, skill.goal_pose)
-
-
-@pytest.mark.parametrize("shipped", [None, "ur5_reach"], ids=["seven joints", "six joints"])
-def test_the_tour_planner_and_twin_as_they_start_and_the_goal_of_the_skill(bench, options, skill, shipped):
-    watch(bench)
-    if shipped is not None:
-        skill = Skill.load(shipped)
-        options["skill"] = shipped
-    bench.add(TwinNode, skill=options["skill"])
-    bench.add(PlannerNode, **options)
-    bench.wait_for_code("NO_GOAL")
-    assert send_goal(skill.goal_pose, skill.base_frame) == "OK"
-    arrive(bench, skill.goal_pose)
-
-
-def test_a_refused_goal_is_reported_also_where_the_arm_stands_at_an_earlier_one(bench, options, skill, skill_folder):
-    watch(bench)
-    bench.add(TwinNode, namespace="left", skill=str(skill_folder))
-    bench.add(PlannerNode, namespace="left", **options)
-    left = "-r", "__ns:=/left"
-    topics = []
-    assert send_goal(skill.goal_pose, skill.base_frame, left, topics.append) == "OK"
-    assert topics == ["/left/goal_pose"]
-    far = skill.goal_pose + np.array([0.4, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0])
-    with pytest.raises(GoalRefusedError, match="the planner refuses the goal: GOAL_OUT_OF_SUPPORT: "):
-        send_goal(far, skill.base_frame, left)
-
-
-def test_the_answer_to_a_goal_is_waited_for_while_it_is_prepared(bench, options, skill, skill_folder, monkeypatch):
-    watch(bench)
-    bench.add(TwinNode, skill=str(skill_folder))
-    node = bench.add(PlannerNode, **options)
-    bench.wait_for_code("NO_GOAL")
-    planner = node.kind.planner
-    prepare, said = planner.prepared_goal, []
-
-    def slowly(*arguments):
-        until = int(bench.status()["tick"]) + 40
-        bench.wait(lambda: int(bench.status()["tick"]) >= until, "40 ticks")
-        said.append(bench.heard["planner/status"][-1].status[0].message)
-        return prepare(*arguments)
-
-    monkeypatch.setattr(planner, "prepared_goal", slowly)
-    assert send_goal(skill.goal_pose, skill.base_frame) == "OK"
-    assert said == [f"NO_GOAL: {PREPARING}"]
 
 
 @pytest.mark.parametrize("avoidance", [False, True], ids=["control: avoidance off", "avoidance on"])
@@ -203,17 +153,6 @@ def test_a_scene_that_cannot_be_used_is_named_at_the_start(bench, options, tmp_p
     with pytest.raises(ParameterError, match="parameter scene: ") as error:
         bench.add(PlannerNode, **options, scene=scene)
     assert reason in str(error.value)
-
-
-def test_the_command_for_the_ros2_command_line_holds_the_goal(skill):
-    """What `ros2 topic pub` is given is YAML of a PoseStamped."""
-    text = by_hand(skill.goal_pose, skill.base_frame)
-    content = yaml.safe_load(text.split('"')[1])
-    pose = Pose(position=Point(**content["pose"]["position"]), orientation=Quaternion(**content["pose"]["orientation"]))
-    message = PoseStamped(header=Header(**content["header"]), pose=pose)
-    position, quaternion = read_pose(message, skill.base_frame)
-    np.testing.assert_allclose(position, skill.goal_pose[:3], atol=1e-4)
-    np.testing.assert_allclose(quaternion, skill.goal_pose[3:], atol=1e-3)
 
 
 def test_a_machine_that_stands_still_for_a_moment_loses_no_goal(bench, options, skill, start_joints):
