@@ -36,6 +36,7 @@ MOST_POINTS = 1_000_000
 # Encoders and a controller's overshoot may show a joint this much [rad] beyond its limit.
 LIMIT_TOLERANCE = 0.02
 
+_ALL = slice(None)
 #: Where the base frame stands in itself.
 _BASE = TaskFrame.identity()
 _FLOATS = {PointField.FLOAT32: "f4", PointField.FLOAT64: "f8"}
@@ -99,29 +100,47 @@ def read_joint_positions(message: JointState, joint_names: Sequence[str]) -> np.
     """Joint positions (n,) [rad] in the robot's order; the message may use any order and name further
     joints.
     """
+    places, positions = read_some_joints(message, joint_names)
+    missing = [name for place, name in enumerate(joint_names) if place not in places]
+    if missing:
+        there = ", ".join(message.name) or "no joints"
+        without = "" if len(message.position) else ", and no positions"
+        raise MessageRefused(f"joint state lacks {', '.join(missing)}; it has {there}{without}")
+    return positions
+
+
+def read_some_joints(message: JointState, joint_names: Sequence[str]) -> tuple[np.ndarray, np.ndarray]:
+    """Those of the robot's joints that a message has positions of: their places among the names (k,), in order, and
+    the positions (k,) [rad]; none where it is about other joints, or about velocities and efforts alone.
+    """
+    place_of = {name: place for place, name in enumerate(joint_names)}
+    found = [(place_of[name], i) for i, name in enumerate(message.name) if name in place_of]
+    if not found or not len(message.position):
+        return np.zeros(0, dtype=int), np.zeros(0)
     if len(message.name) != len(message.position):
         raise MessageRefused(
             f"joint state has {len(message.name)} names and {len(message.position)} positions: one each"
         )
-    positions = dict(zip(message.name, message.position, strict=True))
-    if len(positions) != len(message.name):
+    found.sort()
+    places, at = (np.array(column) for column in zip(*found, strict=True))
+    if np.any(np.diff(places) == 0):
         raise MessageRefused(f"joint state names a joint twice: {', '.join(message.name)}")
-    missing = [name for name in joint_names if name not in positions]
-    if missing:
-        raise MessageRefused(f"joint state lacks {', '.join(missing)}; it has {', '.join(message.name) or 'no joints'}")
-    vector = np.array([positions[name] for name in joint_names])
-    for name, value in zip(joint_names, vector, strict=True):
-        check_number(float(value), f"joint {name}", "rad")
-    return vector
+    positions = np.asarray(message.position)[at]
+    for place, value in zip(places, positions, strict=True):
+        check_number(float(value), f"joint {joint_names[place]}", "rad")
+    return places, positions
 
 
-def check_limits(joints: np.ndarray, robot: Robot) -> None:
-    """Refuse joint positions (n,) [rad] that the robot cannot have, naming the joints and their limits."""
-    outside = (joints < robot.lower - LIMIT_TOLERANCE) | (joints > robot.upper + LIMIT_TOLERANCE)
+def check_limits(joints: np.ndarray, robot: Robot, places: np.ndarray | slice = _ALL) -> None:
+    """Refuse joint positions (k,) [rad] that the robot cannot have, naming the joints and their limits.
+
+    places : (k,) of these joints among the robot's; by default they are all of them.
+    """
+    names, lower, upper = np.array(robot.joint_names)[places], robot.lower[places], robot.upper[places]
+    outside = (joints < lower - LIMIT_TOLERANCE) | (joints > upper + LIMIT_TOLERANCE)
     if np.any(outside):
         beyond = ", ".join(
-            f"{robot.joint_names[i]} at {joints[i]:.3f} (limits {robot.lower[i]:.3f} to {robot.upper[i]:.3f})"
-            for i in np.flatnonzero(outside)
+            f"{names[i]} at {joints[i]:.3f} (limits {lower[i]:.3f} to {upper[i]:.3f})" for i in np.flatnonzero(outside)
         )
         raise MessageRefused(f"joints beyond their limits [rad]: {beyond}; is this another robot, or degrees?")
 

@@ -17,13 +17,13 @@ from sensor_msgs.msg import JointState, PointCloud2
 from visualization_msgs.msg import Marker, MarkerArray
 
 from geodesic_motion_ros.geometry.distance_field import DistanceField
+from geodesic_motion_ros.nodes.arm_state import ArmState
 from geodesic_motion_ros.nodes.cloud_thread import CloudFigures, CloudThread, points_near
 from geodesic_motion_ros.nodes.frames import frames_of
 from geodesic_motion_ros.nodes.marker_bytes import marker_in, markers_in
 from geodesic_motion_ros.nodes.marker_messages import MarkerUpdate, held_after, read_marker, unknown_after
 from geodesic_motion_ros.nodes.messages import (
     MessageRefused,
-    check_limits,
     frame_of,
     read_cloud,
     read_joint_positions,
@@ -35,9 +35,8 @@ from geodesic_motion_ros.nodes.node_time import Moment, NodeTime
 from geodesic_motion_ros.nodes.obstacle_load import Load, ObstacleLoad
 from geodesic_motion_ros.nodes.obstacle_subscription import ObstacleSubscription
 from geodesic_motion_ros.nodes.parameters import NodeParameters
-from geodesic_motion_ros.nodes.plausible_joints import PlausibleJoints
 from geodesic_motion_ros.nodes.refusals import Refusals
-from geodesic_motion_ros.nodes.stream_cycle import NO_CLOCK, CycleInputs
+from geodesic_motion_ros.nodes.stream_cycle import CycleInputs
 from geodesic_motion_ros.obstacles.tracker import ObstacleTracker
 from geodesic_motion_ros.planning.status import Verdict, VerdictCode
 from geodesic_motion_ros.robot.held_objects import HeldObject
@@ -59,12 +58,14 @@ class PlannerInputs:
     """The subscriptions of the planner and what they have brought.
 
     Callbacks run in the executor and hold the lock for microseconds; `snapshot` is called by the control
-    loop. What a point cloud shows is worked out in a thread of its own, from `start` to `stop`; points on the arm
-    itself are obstacles like all others, and must be taken out by the sender of the cloud.
+    loop, which reads the joint states that have come. What a point cloud shows is worked out in a thread of its own,
+    from `start` to `stop`; points on the arm itself are obstacles like all others, and must be taken out by the sender
+    of the cloud.
 
     Attributes
     ----------
     frames : tells where frames other than the base frame stand.
+    arm : what the joint states say.
     """
 
     def __init__(
@@ -86,10 +87,7 @@ class PlannerInputs:
         self._lock = threading.Lock()
         # "" stands for none
         self._tracker = ObstacleTracker([topic for topic in parameters["required_obstacle_topics"] if topic])
-        self.plausible = PlausibleJoints(robot)
-        self._joints: np.ndarray | None = None
-        self._joints_taken = 0.0
-        self._joints_refused = ""
+        self.arm = ArmState(robot, self.refusals)
         self._goal: tuple[np.ndarray, np.ndarray] | np.ndarray | Verdict | None = None
         self._goal_number = 0
         self._goal_in_task_frame = False
@@ -104,7 +102,7 @@ class PlannerInputs:
         self._load = ObstacleLoad()
         self._cloud_figures = CloudFigures()
         self._cloud_thread = CloudThread(self._field_of, self._take_field, self._cloud_failed)
-        node.create_subscription(JointState, "joint_states", self.on_joint_states, RECENT)
+        node.create_subscription(JointState, "joint_states", self.on_joint_states, RECENT, raw=True)
         self._subscribe(PoseStamped, "goal_pose", self._on_goal, GOALS)
         self._subscribe(JointState, "goal_joints", self._on_goal_joints, GOALS)
         self._subscribe(PoseStamped, "task_frame", self.on_task_frame, GOALS)
@@ -129,10 +127,11 @@ class PlannerInputs:
 
     def snapshot(self) -> CycleInputs:
         """What is known now."""
+        self.arm.update()
         moment = self.time.read()
         now = moment.running
+        joints, age = self.arm.joints, now - self.arm.taken
         with self._lock:
-            joints, taken, state_refused = self._joints, self._joints_taken, self._joints_refused
             goal, number, hold = self._goal, self._goal_number, self._hold
             task_frame, relative = self._task_frame, self._goal_in_task_frame
             publishers, subscribers = self._publishers, self._subscribers
@@ -146,7 +145,7 @@ class PlannerInputs:
             silent, late = {}, {}
         return CycleInputs(
             measured=None if joints is None else self._place(joints),
-            state_age=now - taken,
+            state_age=age,
             goal=goal,
             goal_number=number,
             obstacles=obstacles,
@@ -164,7 +163,7 @@ class PlannerInputs:
             set_by=moment.set_by,
             held=held,
             held_refused=held_refused,
-            state_refused=state_refused,
+            state_fault=self.arm.fault(),
         )
 
     def ages(self) -> dict[str, float]:
@@ -172,11 +171,15 @@ class PlannerInputs:
         now = self.time.running()
         with self._lock:
             ages = self._tracker.ages(now)
-            if self._joints is not None:
-                ages["joint_states"] = now - self._joints_taken
+            if self.arm.joints is not None:
+                ages["joint_states"] = now - self.arm.taken
             if self._task_frame_taken is not None:
                 ages["task_frame"] = now - self._task_frame_taken
         return ages
+
+    def remarks(self) -> dict[str, str]:
+        """What a person should know of inputs that are taken, by kind; to be asked once a second."""
+        return self.arm.remarks(self.time.running(), self._parameters["state_timeout"])
 
     def take_obstacle_load(self) -> tuple[int, Load]:
         """How many obstacles there are, and the load of their messages since the last call."""
@@ -242,22 +245,8 @@ class PlannerInputs:
                 self._tracker.refuse(topic, guard.reason)
             self._obstacles_changed()
 
-    def on_joint_states(self, message: JointState) -> None:
-        with self.refusals.guard("joint_states") as guard:
-            self._take_joint_states(message)
-        with self._lock:
-            self._joints_refused = guard.reason
-
-    def _take_joint_states(self, message: JointState) -> None:
-        joints = read_joint_positions(message, self._robot.joint_names)
-        check_limits(joints, self._robot)
-        moment = self.time.read()
-        if moment.now == 0.0:
-            raise MessageRefused(f"{NO_CLOCK}: its age is unknown")
-        taken = moment.running - max(0.0, _transit(seconds(message.header.stamp), moment))
-        self.plausible.check(joints, taken)
-        with self._lock:
-            self._joints, self._joints_taken = joints, taken
+    def on_joint_states(self, message: bytes) -> None:
+        self.arm.receive(message, self.time.read())
 
     def _on_goal(self, message: PoseStamped) -> None:
         in_task_frame = message.header.frame_id == TASK_FRAME

@@ -79,6 +79,7 @@ class PlannerNode(LoopingNode):
             self, values["base_frame"], skill.robot, self.kind.command_topic, self.kind.guarded, robot.joint_names
         )
         self._said: dict[str, float] = {}
+        self._remarked: set[str] = set()
         self._newest_plan = ""
         self._held: tuple[HeldObject, ...] = ()
         self._arrival = ArrivalWatch(self.kind)
@@ -132,9 +133,10 @@ class PlannerNode(LoopingNode):
             verdict = Verdict(VerdictCode.BAD_INPUT, f"internal error, see the log: {error!r}")
             output = self.cycle.stop(verdict)
         self.kind.send(self.outputs, output)
-        margins, held = self.kind.margins(), self.kind.held()
+        held = self.kind.held()
+        figures = self.kind.margins() | ({} if inputs is None else inputs.figures)
         self.outputs.status(
-            output, self.cycle.goal_number, self.inputs.refusals, self.loop, self._newest_plan, margins, held
+            output, self.cycle.goal_number, self.inputs.refusals, self.loop, self._newest_plan, figures, held
         )
         if held != self._held:
             self._held = held
@@ -244,13 +246,16 @@ class PlannerNode(LoopingNode):
             self.outputs.markers(path, is_detour, inputs.obstacles, self.kind.scene, body, held, tool)
 
     def _show_health(self) -> None:
-        refusals = self.inputs.refusals
+        refusals, remarks = self.inputs.refusals, self.inputs.remarks()
+        for kind in remarks.keys() - self._remarked:
+            self.get_logger().warning(remarks[kind])
+        self._remarked |= remarks.keys()
         self.outputs.diagnostics(
             self.loop.statistics(),
             self._options["rate"],
             self.inputs.ages(),
             refusals.counts,
-            refusals.newest(1.0),
+            "; ".join(filter(None, (refusals.newest(1.0), *remarks.values()))),
             self.inputs.cloud_figures(),
             *self.inputs.take_obstacle_load(),
         )

@@ -140,13 +140,13 @@ class PlannerOutputs:
         refusals: Refusals,
         loop: SteadyLoop,
         plan: str,
-        margins: Mapping[str, float],
+        figures: Mapping[str, float],
         held: Sequence[HeldObject],
     ) -> None:
         """The verdict of a cycle, sent from within its tick: ticks and durations are of those before it.
 
         goal_number : of the newest goal, whether it was accepted or not.
-        margins : what the certificate counts, by name.
+        figures : what the certificate counts, and ages of inputs, by name.
         plan : the newest answer of the service `plan`, `CODE: reason`; empty before the first.
         held : the objects in the hand that are counted.
         """
@@ -163,7 +163,7 @@ class PlannerOutputs:
             "guarded": self._guarded,
             "holding": ", ".join(one.name for one in held),
             "clearance": verdict.clearance,
-            **margins,
+            **figures,
             "energy_per_edge": verdict.energy_per_edge,
             "cost_gap": verdict.cost_gap,
             "in_support": verdict.in_support,
@@ -194,13 +194,13 @@ class PlannerOutputs:
         rate: float,
         ages: Mapping[str, float],
         dropped: Mapping[str, int],
-        refused: str,
+        remark: str,
         cloud: CloudFigures,
         obstacles: int,
         load: Load,
     ) -> None:
-        """The health of the loop: rate [Hz], tick [ms], misses, ages of inputs [s], refused messages by topic, the
-        newest point cloud, how many obstacles there are, and the load of their messages.
+        """The health of the loop: rate [Hz], tick [ms], misses, ages of inputs [s], refused messages by topic, what
+        is odd about inputs, the newest point cloud, how many obstacles there are, and the load of their messages.
         """
         values: dict[str, object] = {
             "rate_hz": loop.rate,
@@ -220,8 +220,8 @@ class PlannerOutputs:
             "obstacle_share": load.share,
         }
         slow = loop.rate < 0.95 * rate
-        level = DiagnosticStatus.WARN if slow or refused else DiagnosticStatus.OK
-        message = refused or "running"
+        level = DiagnosticStatus.WARN if slow or remark else DiagnosticStatus.OK
+        message = remark or "running"
         if slow:
             why = advice(obstacles, load, rate, loop.tick_p50)
             message = f"DEGRADED: {loop.rate:.1f} of {rate:g} Hz: {why}"

@@ -48,7 +48,7 @@ class PlausibleJoints:
         """The joint that cannot have come to a state from one before, and how far it is; None where all can."""
         if taken - before[1] > FORGOTTEN:
             return None
-        moved = np.abs(joints - before[0])
+        moved = np.abs(self._robot.nearest_turn(joints, before[0]) - before[0])
         excess = moved - NOISE - abs(taken - before[1]) * self._robot.velocity_limits
         worst = int(np.argmax(excess))
         if excess[worst] <= 0.0:

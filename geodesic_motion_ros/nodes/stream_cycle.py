@@ -50,7 +50,7 @@ class CycleInputs(Generic[Place]):
     measured : where the newest joint state says that the arm is: tool pose (position (3,) [m], quaternion (4,)), or
         configuration (eta,) [rad]; None before the first.
     state_age : [s] since that joint state was taken.
-    state_refused : why the newest message of joint states was refused; "" where it was not.
+    state_fault : what is wrong with the newest joint states; "" where nothing is.
     goal : the newest requested goal, a pose or a configuration, or the verdict with which its message was refused; None
         before the first.
     goal_number : grows with every requested goal.
@@ -90,7 +90,13 @@ class CycleInputs(Generic[Place]):
     set_by: float = 0.0
     held: tuple[HeldObject, ...] = ()
     held_refused: str = ""
-    state_refused: str = ""
+    state_fault: str = ""
+
+    @property
+    def figures(self) -> dict[str, float]:
+        """Ages of the inputs that reasons speak of [s], by name."""
+        ages = {"joint_states": self.state_age} if self.measured is not None else {}
+        return {f"age_{name}": age for name, age in (ages | self.silent_sources | self.late_sources).items()}
 
     def without(self, labels: Collection[str]) -> CycleInputs[Place]:
         """Where obstacles of these labels do not count."""
@@ -362,17 +368,15 @@ class StreamCycle(ABC, Generic[Place, Prepared]):
         """Why it is not known where the arm is; None where it is. After `resume_timeout` the goal is dropped."""
         if _without_clock(inputs):
             return Halt(Verdict(VerdictCode.STALE_STATE, NO_CLOCK))
-        refused = inputs.state_refused
+        fault = inputs.state_fault
         if inputs.measured is None:
-            reason = f"all have been refused, the last one as: {refused}" if refused else "none has arrived yet"
-            return Halt(Verdict(VerdictCode.STALE_STATE, f"{self.state_topic}: {reason}"))
-        age, allowed = inputs.state_age, self.state_timeout
-        if age <= allowed:
+            return Halt(Verdict(VerdictCode.STALE_STATE, f"{self.state_topic}: {fault or 'none has arrived yet'}"))
+        if inputs.state_age <= self.state_timeout:
             return None
         missing = f"joint_states were missing for more than {self.resume_timeout:g} s"
-        since = f"; those since then have been refused, the last one as: {refused}" if refused else ""
-        reason = f"{self.state_topic}: the newest is {age:.3f} s old, allowed are {allowed:g} s{since}"
-        return Halt(Verdict(VerdictCode.STALE_STATE, reason), missing if age > self.resume_timeout else "")
+        reason = f"{self.state_topic}: the newest state is older than state_timeout, {self.state_timeout:g} s"
+        verdict = Verdict(VerdictCode.STALE_STATE, f"{reason}; {fault}" if fault else reason)
+        return Halt(verdict, missing if inputs.state_age > self.resume_timeout else "")
 
     def _follow_measured(self, inputs: CycleInputs[Place], advance: float) -> Verdict | None:
         """Begin at the measured place, and again where an arm that was lost has come to rest."""
@@ -443,9 +447,9 @@ def _stale_obstacles(inputs: CycleInputs[Place]) -> str:
     """Which obstacle topics are not to be trusted, why, and what would be right; '' when all are."""
     causes = [f"{source}: {why}" for source, why in inputs.unusable_sources.items()]
     if inputs.silent_sources:
-        silent = ", ".join(f"{source} for {age:.2f} s" for source, age in inputs.silent_sources.items())
+        silent = ", ".join(inputs.silent_sources)
         causes.append(f"silent: {silent}; publish it again, or call ~/clear_obstacles where nothing is there any more")
     if inputs.late_sources:
-        late = ", ".join(f"{source} by {age:.2f} s" for source, age in inputs.late_sources.items())
+        late = ", ".join(inputs.late_sources)
         causes.append(f"stamps lag: {late}; synchronise the clocks, or detect faster")
     return "; ".join(causes)

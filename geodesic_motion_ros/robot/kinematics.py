@@ -5,6 +5,7 @@ Symbols: n moving joints with positions q (n,) [rad]; m joints in all; frames ar
 
 from __future__ import annotations
 
+import copy
 from functools import cached_property
 from pathlib import Path
 
@@ -122,6 +123,26 @@ class Robot:
                 f"its limits are [{self.lower[worst]:.4f}, {self.upper[worst]:.4f}]"
             )
         return positions
+
+    def nearest_turn(self, joint_positions: np.ndarray, reference: np.ndarray) -> np.ndarray:
+        """Joint positions (..., n) with continuous joints turned by whole turns, each as near as can be to a reference
+        (..., n) [rad]: the same posture, however a driver counts its turns.
+        """
+        turns = np.round((reference - joint_positions) / (2.0 * np.pi))
+        return np.where(self.is_continuous, joint_positions + 2.0 * np.pi * turns, joint_positions)
+
+    @cached_property
+    def is_continuous(self) -> np.ndarray:
+        """(n,) bool: which joints turn without an end."""
+        return np.isinf(self.lower) & np.isinf(self.upper)
+
+    def prefixed(self, prefix: str) -> Robot:
+        """The same arm with a prefix before the names of its joints and links, as drivers of two arms have it."""
+        other = copy.copy(self)
+        other.base_link, other.tool_link = prefix + self.base_link, prefix + self.tool_link
+        other.joint_names = tuple(prefix + name for name in self.joint_names)
+        other.link_names = tuple(prefix + name for name in self.link_names)
+        return other
 
     def forward(self, joint_positions: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Tool pose in the base frame: position (3,) [m], unit quaternion (4,), scalar first, w >= 0."""

@@ -67,7 +67,7 @@ REFUSED = {
     "zero quaternion": (PoseStamped, "goal_pose", goal(w=0.0), "zero quaternion"),
     "NaN goal": (PoseStamped, "goal_pose", goal(x=math.nan, w=1.0), "position holds nan"),
     "goal in an unknown frame": (PoseStamped, "goal_pose", goal(w=1.0, frame="map"), "frame 'map'"),
-    "joint missing": (JointState, "joint_states", joints(PANDA[:-1], [0.0] * 6), "lacks panda_joint7"),
+    "joint missing": (JointState, "joint_states", joints(PANDA[:-1], [9.0] * 6), "panda_joint1 at 9.000 (limits"),
     "joint beyond its limits": (JointState, "joint_states", joints(PANDA, [0.0] * 7), "panda_joint4 at 0.000 (limits"),
     "NaN joint": (JointState, "joint_states", joints(PANDA, [math.nan] * 7), "joint panda_joint1 holds nan"),
 }

@@ -63,7 +63,7 @@ class TestStates:
 
     def test_stops_when_joint_states_stop_and_resumes_when_they_return(self, moving):
         moving.probe.destroy_timer(moving.joint_states)
-        moving.wait_for_code("STALE_STATE", "joint_states: the newest is")
+        moving.wait_for_code("STALE_STATE", "joint_states: the newest state is older")
         moving.send_joint_states(moving.arm)
         moving.wait_for_code("OK")
 
@@ -188,7 +188,7 @@ class TestFaults:
             raise ZeroDivisionError
 
         with monkeypatch.context() as patch:
-            patch.setattr(moving.planner.inputs.plausible, "check", fail)
+            patch.setattr(moving.planner.inputs.arm.plausible, "check", fail)
             moving.wait(lambda: moving.status()["refused_input"], "a refusal")
             assert "joint_states: internal error, see the log: ZeroDivisionError()" in moving.status()["refused_input"]
         assert int(moving.status()["refused_joint_states"]) > 0
@@ -305,7 +305,7 @@ class TestParameters:
             parameters=[Parameter("state_timeout", value=0.011).to_parameter_msg()]
         )
         assert ready.call(SetParametersAtomically, "planner/set_parameters_atomically", request).result.successful
-        ready.wait_for_code("STALE_STATE", "allowed are 0.011 s")
+        ready.wait_for_code("STALE_STATE", "older than state_timeout, 0.011 s")
 
     def test_all_bad_ones_are_named_at_once(self, bench, planner_options):
         with pytest.raises(ParameterError, match=r"parameter rate = 5.0: .*; parameter speed = True: expected a float"):

@@ -51,7 +51,7 @@ class TestObstacles:
         bench.wait_for_code("OK")
         bench.send_spheres(([2.0, 2.0, 2.0], 0.1))
         if policy == "hold":
-            bench.wait_for_code("STALE_OBSTACLES", "obstacles for")
+            bench.wait_for_code("STALE_OBSTACLES", "silent: obstacles;")
             bench.call(Trigger, "planner/clear_obstacles", Trigger.Request())
             bench.wait_for_code("OK")
         else:
@@ -66,7 +66,7 @@ class TestObstacles:
         bench.publisher(MarkerArray, "obstacles")
         bench.repeat(0.02, lambda: bench.send_spheres(([2.0, 2.0, 2.0], 0.1), late=late))
         bench.send_goal(skill.goal_pose)
-        bench.wait_for_code("STALE_OBSTACLES", "stamps lag: obstacles by 2.")
+        bench.wait_for_code("STALE_OBSTACLES", "stamps lag: obstacles;")
         late = 0.0
         bench.wait_for_code("OK")
 
@@ -117,7 +117,7 @@ class TestObstacles:
         cloud = make_cloud(np.array([wall[0] + np.array([x, 0.0, z]) for x in grid for z in grid]))
         kind, message = {"obstacle_point": (PointStamped, point), "obstacle_cloud": (PointCloud2, cloud)}[topic]
         moving.publisher(kind, topic).publish(message)
-        status = moving.wait_for_code("STALE_OBSTACLES", f"silent: {topic} for ")
+        status = moving.wait_for_code("STALE_OBSTACLES", f"silent: {topic};")
         assert "call ~/clear_obstacles" in status["reason"]
         moving.wait_for_code("OK")
         assert len(moving.planner.inputs.snapshot().obstacles) == 0

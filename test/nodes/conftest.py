@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+from xml.etree import ElementTree
+
 import numpy as np
 import pytest
 
 from geodesic_motion_ros.manifold.decoder import TaskSpaceDecoder
 from geodesic_motion_ros.manifold.pose_graph import MetricSettings
+from geodesic_motion_ros.robot.kinematics import Robot
+from geodesic_motion_ros.robot.urdf import read_urdf
 from geodesic_motion_ros.skill.skill import Skill
 
 
@@ -40,3 +44,14 @@ def flat_skill() -> Skill:
         sigma_support=0.01, energy_per_edge=1.0, start_pose=poses[0], goal_pose=poses[1],
         metric=MetricSettings(sigma_weight=1.0), base_frame="panda_link0", tool_frame="panda_grasptarget",
     )  # fmt: skip
+
+
+@pytest.fixture(scope="session")
+def endless_robot(tmp_path_factory: pytest.TempPathFactory) -> Robot:
+    """A Panda whose joints have no ends."""
+    root = read_urdf(Robot.named("panda").urdf)
+    for joint in root.iterfind("joint[@type='revolute']"):
+        joint.set("type", "continuous")
+    path = tmp_path_factory.mktemp("robots") / "endless.urdf"
+    path.write_text(ElementTree.tostring(root, encoding="unicode"))
+    return Robot.from_urdf(path, "panda_link0", "panda_grasptarget")

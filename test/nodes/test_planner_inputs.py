@@ -13,7 +13,7 @@ import rclpy
 from builtin_interfaces.msg import Duration, Time
 from geometry_msgs.msg import PointStamped, PoseStamped
 from rclpy.serialization import serialize_message
-from sensor_msgs.msg import JointState, PointCloud2, PointField
+from sensor_msgs.msg import PointCloud2, PointField
 from std_msgs.msg import Header
 from visualization_msgs.msg import Marker, MarkerArray
 
@@ -102,18 +102,6 @@ def bench(node) -> Bench:
 def cloud(header: Header) -> PointCloud2:
     fields = [PointField(name=name, offset=8 * i, datatype=PointField.FLOAT64, count=1) for i, name in enumerate("xyz")]
     return PointCloud2(header=header, height=1, width=1, point_step=24, row_step=24, fields=fields, data=bytes(24))
-
-
-def test_a_refused_joint_state_says_why_until_one_is_taken(bench):
-    names = Robot.named("panda").joint_names
-    refused = []
-    for joints in (["joint1"], names, ["joint1"]):
-        bench.go(0.01)
-        message = JointState(header=bench.header(), name=joints, position=Robot.named("panda").ready[: len(joints)])
-        bench.inputs.on_joint_states(message)
-        refused.append(bench.inputs.snapshot().state_refused)
-    assert refused[0] == refused[2] == f"joint state lacks {', '.join(names)}; it has joint1"
-    assert refused[1] == ""
 
 
 class TestLate:
