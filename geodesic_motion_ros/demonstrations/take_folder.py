@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -33,9 +34,11 @@ class TakeFolder:
     DemonstrationError : a file that stands in the folder cannot be read. RobotError : there is no such robot.
     """
 
-    def __init__(self, folder: Path, robot: str) -> None:
+    def __init__(self, folder: Path, robot: str, prefix: str = "") -> None:
+        """prefix : before the names of the joints in messages; takes have them without it."""
         self.folder = folder
         self._robot = Robot.named(robot)
+        self._joints_heard = self._robot.prefixed(prefix).joint_names
         self._robot_name = robot
         self._takes = joint_takes(folder, robot) if files_in(folder) else []
         recorded = Recording.of_files(self._takes, robot).motions if self._takes else ()
@@ -49,7 +52,8 @@ class TakeFolder:
 
     @property
     def joint_names(self) -> tuple[str, ...]:
-        return self._robot.joint_names
+        """Of the messages."""
+        return self._joints_heard
 
     @property
     def next_name(self) -> str:
@@ -71,7 +75,7 @@ class TakeFolder:
         read = samples.take(name)
         if read.breaks:
             raise DemonstrationError(f"{read.flaws[0]}: was the simulation reset?")
-        take, found = self._cut(read.take), read.flaws
+        take, found = self._cut(replace(read.take, names=self._robot.joint_names)), read.flaws
         recording = Recording.of_files([*self._takes, take], self._robot_name)
         own = [*found, *(flaw for flaw in recording.flaws if flaw.demonstration == name)]
         if wrong := [flaw for flaw in own if flaw.action in _UNUSABLE]:

@@ -26,7 +26,12 @@ PLANNER = (
         "base_frame",
         _ROBOT.base_link,
         "Frame of all poses; messages in other frames go through tf2 where it is installed, and are refused otherwise. "
-        "The default stands for the skill's own frame",
+        "The default stands for the skill's own frame, with joint_prefix",
+    ),
+    Parameter(
+        "joint_prefix",
+        "",
+        "What the names of joints and frames begin with here, before those of the robot: left_ for left_panda_joint1",
     ),
     Parameter("rate", 100.0, "Planning cycles per second", "Hz", 10.0, 1000.0),
     Parameter(
@@ -377,7 +382,8 @@ TWIN = (
     Parameter(
         "base_frame",
         _ROBOT.base_link,
-        "Frame of all poses; messages in other frames are refused. The default stands for the base link of the robot",
+        "Frame of all poses; messages in other frames are refused. The default stands for the base link of the robot, "
+        "with joint_prefix",
     ),
     Parameter(
         "skill",
@@ -387,6 +393,11 @@ TWIN = (
         read_only=False,
     ),
     Parameter("robot", "", f"Name or folder of the robot; empty: that of the skill, or {DEFAULT_ROBOT} without one"),
+    Parameter(
+        "joint_prefix",
+        "",
+        "What the names of joints and frames begin with here, before those of the robot: left_ for left_panda_joint1",
+    ),
     Parameter("physics_rate", 240.0, "Physics steps per second of real time", "Hz", 100.0, 1000.0),
     Parameter("state_rate", 120.0, "How often `joint_states` and `ee_pose` are published", "Hz", 100.0, 1000.0),
     Parameter("obstacle_rate", 60.0, "How often obstacles and `~/clearance` are published", "Hz", 1.0, 240.0),
@@ -458,6 +469,11 @@ RECORD = (
         "Where the takes of one task go, one file each; new ones are compared with those that stand there",
     ),
     Parameter("robot", DEFAULT_ROBOT, "Whose joints are recorded, by their names in its URDF"),
+    Parameter(
+        "joint_prefix",
+        "",
+        "What the names of joints and frames begin with here, before those of the robot: left_ for left_panda_joint1",
+    ),
 )
 
 TABLES = {"planner": PLANNER, "twin": TWIN, "record": RECORD}

@@ -14,11 +14,13 @@ from geometry_msgs.msg import PointStamped, PoseStamped
 from rclpy.node import Node
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from sensor_msgs.msg import JointState, PointCloud2
+from std_msgs.msg import String
 from visualization_msgs.msg import Marker, MarkerArray
 
 from geodesic_motion_ros.geometry.distance_field import DistanceField
 from geodesic_motion_ros.nodes.arm_state import ArmState
 from geodesic_motion_ros.nodes.cloud_thread import CloudFigures, CloudThread, points_near
+from geodesic_motion_ros.nodes.described_arm import DescribedArm
 from geodesic_motion_ros.nodes.frames import frames_of
 from geodesic_motion_ros.nodes.marker_bytes import marker_in, markers_in
 from geodesic_motion_ros.nodes.marker_messages import MarkerUpdate, held_after, read_marker, unknown_after
@@ -35,6 +37,7 @@ from geodesic_motion_ros.nodes.node_time import Moment, NodeTime
 from geodesic_motion_ros.nodes.obstacle_load import Load, ObstacleLoad
 from geodesic_motion_ros.nodes.obstacle_subscription import ObstacleSubscription
 from geodesic_motion_ros.nodes.parameters import NodeParameters
+from geodesic_motion_ros.nodes.publishers import LATCHED
 from geodesic_motion_ros.nodes.refusals import Refusals
 from geodesic_motion_ros.nodes.stream_cycle import CycleInputs
 from geodesic_motion_ros.obstacles.tracker import ObstacleTracker
@@ -73,10 +76,12 @@ class PlannerInputs:
         node: Node,
         parameters: NodeParameters,
         robot: Robot,
+        skill_robot: str,
         place: Callable[[np.ndarray], Any],
         obstacles_changed: Callable[[], None],
     ) -> None:
-        """place : makes of joint positions (eta,) what the cycle takes as measured.
+        """robot : its names are those of messages; skill_robot : what the arm is called.
+        place : makes of joint positions (eta,) what the cycle takes as measured.
         obstacles_changed : called when something new is known of obstacles, from the thread that heard it."""
         self._node, self._parameters, self._robot, self._place = node, parameters, robot, place
         self._obstacles_changed = obstacles_changed
@@ -87,7 +92,8 @@ class PlannerInputs:
         self._lock = threading.Lock()
         # "" stands for none
         self._tracker = ObstacleTracker([topic for topic in parameters["required_obstacle_topics"] if topic])
-        self.arm = ArmState(robot, self.refusals)
+        self._described = DescribedArm(robot, skill_robot, node.resolve_topic_name("robot_description"))
+        self.arm = ArmState(robot, self.refusals, parameters["joint_prefix"])
         self._goal: tuple[np.ndarray, np.ndarray] | np.ndarray | Verdict | None = None
         self._goal_number = 0
         self._goal_in_task_frame = False
@@ -103,6 +109,7 @@ class PlannerInputs:
         self._cloud_figures = CloudFigures()
         self._cloud_thread = CloudThread(self._field_of, self._take_field, self._cloud_failed)
         node.create_subscription(JointState, "joint_states", self.on_joint_states, RECENT, raw=True)
+        self._subscribe(String, "robot_description", lambda message: self._described.receive(message.data), LATCHED)
         self._subscribe(PoseStamped, "goal_pose", self._on_goal, GOALS)
         self._subscribe(JointState, "goal_joints", self._on_goal_joints, GOALS)
         self._subscribe(PoseStamped, "task_frame", self.on_task_frame, GOALS)
@@ -164,6 +171,7 @@ class PlannerInputs:
             held=held,
             held_refused=held_refused,
             state_fault=self.arm.fault(),
+            other_arm=self._described.fault,
         )
 
     def ages(self) -> dict[str, float]:
@@ -179,7 +187,8 @@ class PlannerInputs:
 
     def remarks(self) -> dict[str, str]:
         """What a person should know of inputs that are taken, by kind; to be asked once a second."""
-        return self.arm.remarks(self.time.running(), self._parameters["state_timeout"])
+        remarks = self.arm.remarks(self.time.running(), self._parameters["state_timeout"])
+        return remarks | ({"description": self._described.remark} if self._described.remark else {})
 
     def take_obstacle_load(self) -> tuple[int, Load]:
         """How many obstacles there are, and the load of their messages since the last call."""

@@ -59,22 +59,23 @@ class PlannerNode(LoopingNode):
             self.kind = kind_of(skill, self._options.values)
         except RobotError as error:
             raise SkillError(f"{self._options['skill']}: {error}") from error
-        robot = self.kind.robot
+        robot, prefix = self.kind.robot, self._options["joint_prefix"]
         if skill.tool_frame != robot.tool_link:
             raise SkillError(
                 f"skill {skill.name} moves the frame {skill.tool_frame!r}, this node drives {robot.tool_link!r}"
             )
-        if self._options["base_frame"] != skill.base_frame:
+        if self._options["base_frame"] != prefix + skill.base_frame:
             self.get_logger().warning(
                 f"base_frame {self._options['base_frame']!r} is taken for the skill's {skill.base_frame!r}"
             )
+        robot = robot.prefixed(prefix)
         if self.kind.caution:
             self.get_logger().info(self.kind.caution)
         values = self._options
         self._name = skill.name
         self.cycle = self.kind.cycle
         self.cycle.state_topic = self.resolve_topic_name("joint_states")
-        self.inputs = PlannerInputs(self, values, robot, self.kind.place, self._obstacles_changed)
+        self.inputs = PlannerInputs(self, values, robot, skill.robot, self.kind.place, self._obstacles_changed)
         self.outputs = PlannerOutputs(
             self, values["base_frame"], skill.robot, self.kind.command_topic, self.kind.guarded, robot.joint_names
         )

@@ -80,7 +80,7 @@ class PlannerOutputs:
 
         guarded : what is kept away from obstacles, as the status says it.
         """
-        self._guarded = guarded
+        self._guarded, self._joint_names = guarded, tuple(joint_names)
         self._node, self._frame, self._hardware = node, frame, hardware
         kind = PoseStamped if command_topic == "target_pose" else JointTrajectory
         self._commands = node.create_publisher(kind, command_topic, QoSProfile(depth=1))
@@ -118,11 +118,16 @@ class PlannerOutputs:
             self._postures.publish(self._posture_message)
         self._commands.publish(self._target_message)
 
-    def trajectory(self, joint_names: Sequence[str], reference: JointReference, begin: float) -> None:
+    def trajectory(self, reference: JointReference, begin: float) -> None:
         """What to play from `begin` [s, the node's clock] on; only the control loop calls this."""
         self._commands.publish(
             joint_trajectory_bytes(
-                joint_names, reference.times, reference.positions, reference.velocities, reference.accelerations, begin
+                self._joint_names,
+                reference.times,
+                reference.positions,
+                reference.velocities,
+                reference.accelerations,
+                begin,
             )
         )
 

@@ -48,7 +48,7 @@ class RecordNode(LoopingNode):
 
     def _build(self) -> None:
         values = NodeParameters(self, RECORD)
-        self._folder = TakeFolder(Path(values["folder"]), values["robot"])
+        self._folder = TakeFolder(Path(values["folder"]), values["robot"], values["joint_prefix"])
         self._watch = JointWatch(self._folder.joint_names)
         self._samples: JointSamples | None = None
         self._began = 0.0

@@ -144,7 +144,7 @@ class CertifiedKind(SkillKind):
     def send(self, outputs: PlannerOutputs, output: CycleOutput) -> None:
         if self.command_topic == "joint_trajectory":
             if output.trajectory is not None:
-                outputs.trajectory(self.robot.joint_names, *output.trajectory)
+                outputs.trajectory(*output.trajectory)
         elif output.configuration is not None:
             outputs.target(*self.robot.forward(output.configuration), output.configuration)
 
@@ -236,7 +236,8 @@ def kind_of(skill: Skill, values: Mapping[str, Value]) -> SkillKind:
 def of_robot(skill: Skill, values: Mapping[str, Value]) -> dict[str, Value]:
     """Values of the skill's own robot for the parameters that are still those of the default one; RobotError: none."""
     of_default = {parameter.name: parameter.default for parameter in PLANNER}
-    own = {"base_frame": skill.base_frame, "tool_spheres": tool_spheres(skill.robot).ravel().tolist()}
+    spheres = tool_spheres(skill.robot).ravel().tolist()
+    own = {"base_frame": values["joint_prefix"] + skill.base_frame, "tool_spheres": spheres}
     return {name: value for name, value in own.items() if values[name] == of_default[name]}
 
 

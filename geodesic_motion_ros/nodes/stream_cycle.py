@@ -69,6 +69,7 @@ class CycleInputs(Generic[Place]):
     simulated : whether both are of a simulation, which may stand, run slowly or fast.
     set_by : sum of all jumps of `now` so far [s].
     held : the objects in the hand. held_refused : why it is not known what is in it; "" where it is.
+    other_arm : why the arm is not that of the skill; "" where it is, or that is not known.
     """
 
     measured: Place | None
@@ -90,6 +91,7 @@ class CycleInputs(Generic[Place]):
     set_by: float = 0.0
     held: tuple[HeldObject, ...] = ()
     held_refused: str = ""
+    other_arm: str = ""
     state_fault: str = ""
 
     @property
@@ -349,6 +351,8 @@ class StreamCycle(ABC, Generic[Place, Prepared]):
         """
         if inputs.hold:
             return Verdict(VerdictCode.HOLD_REQUESTED, "a hold was requested; release it with ~/hold false")
+        if inputs.other_arm:
+            return Verdict(VerdictCode.BAD_INPUT, inputs.other_arm)
         if inputs.held_refused:
             reason = f"it is not known what the hand holds: {inputs.held_refused}; send what it holds on ~/held_objects"
             return Verdict(VerdictCode.BAD_INPUT, reason)

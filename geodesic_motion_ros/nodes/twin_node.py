@@ -116,6 +116,8 @@ class TwinNode(LoopingNode):
         scene = scene_around(values["scene"], values["skill"])
         self.world = ArmWorld(values["gui"], values["physics_rate"], scene, self._robot)
         self.world.reset(initial_joints(values.values, self.world.robot))
+        # The same arm, by the names of messages.
+        self._arm = self.world.robot.prefixed(values["joint_prefix"])
         self._spheres, self._spheres_start = ScriptedSpheres({}), 0.0
         self._steps = self._contacts = 0
         self._touched: set[str] = set()
@@ -154,7 +156,7 @@ class TwinNode(LoopingNode):
         self._image = self.create_publisher(Image, "~/image", qos)
         self._description = self.create_publisher(String, "robot_description", LATCHED)
         shown = simulated_urdf(RobotDescription.named(self._robot))
-        self._description.publish(String(data=published_urdf(shown)))
+        self._description.publish(String(data=published_urdf(shown, self._options["joint_prefix"])))
         self._markers = MarkerScene(self._frame)
         values = self._options
         every = steps_per_message(values.values)
@@ -291,7 +293,7 @@ class TwinNode(LoopingNode):
         stamp = self._stamp()
         world = self.world
         self._joint_states.publish(
-            joint_state_message(world.robot.joint_names, world.joint_positions, world.joint_velocities, stamp)
+            joint_state_message(self._arm.joint_names, world.joint_positions, world.joint_velocities, stamp)
         )
         self._ee_pose.publish(pose_message(*world.tool_pose(), self._frame, stamp))
 
@@ -328,9 +330,9 @@ class TwinNode(LoopingNode):
 
     def _on_posture(self, message: JointState) -> None:
         with self.refusals.guard(_POSTURES):
-            posture = read_joint_positions(message, self.world.robot.joint_names)
+            posture = read_joint_positions(message, self._arm.joint_names)
             try:
-                self._posture = self.world.robot.checked(posture), seconds(message.header.stamp)
+                self._posture = self._arm.checked(posture), seconds(message.header.stamp)
             except RobotError as error:
                 raise MessageRefused(str(error)) from error
 
@@ -340,7 +342,7 @@ class TwinNode(LoopingNode):
 
     def _on_trajectory(self, message: JointTrajectory) -> None:
         with self.refusals.guard(_TRAJECTORIES):
-            waypoints = read_joint_trajectory(message, self.world.robot)
+            waypoints = read_joint_trajectory(message, self._arm)
             begin = seconds(message.header.stamp) or None
             self._ask(_Command(_TRAJECTORIES, partial(self.world.set_joint_trajectory, waypoints, begin)))
 

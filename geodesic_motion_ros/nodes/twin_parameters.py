@@ -33,9 +33,11 @@ def robot_of(values: Mapping[str, Value]) -> str:
 
 
 def base_frame(values: Mapping[str, Value]) -> str:
-    """The frame of all poses: the one that is given, else the robot's base link."""
+    """The frame of all poses: the one that is given, else the robot's base link, with `joint_prefix`."""
     given = values["base_frame"]
-    return RobotDescription.named(robot_of(values)).base_link if given == _DEFAULTS["base_frame"] else given
+    if given != _DEFAULTS["base_frame"]:
+        return given
+    return values["joint_prefix"] + RobotDescription.named(robot_of(values)).base_link
 
 
 def initial_joints(values: Mapping[str, Value], robot: Robot) -> np.ndarray:

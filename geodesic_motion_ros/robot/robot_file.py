@@ -57,16 +57,26 @@ def limit_velocities(urdf: Path, velocities: Mapping[str, float]) -> None:
     urdf.write_text(ElementTree.tostring(root, encoding="unicode"))
 
 
-def published_urdf(urdf: Path) -> str:
+def published_urdf(urdf: Path, prefix: str = "") -> str:
     """The text of a URDF for the topic `robot_description`: meshes, also those that are shown alone, as file:// URLs.
 
-    A mesh that is not there keeps its name.
+    A mesh that is not there keeps its name. Names of links and joints get the prefix.
     """
     root = read_urdf(urdf)
+    named = [*root.findall("link"), *root.findall("joint")]
+    for element, key in [*((one, "name") for one in named), *_references(root)]:
+        element.set(key, prefix + element.get(key, ""))
     for mesh in root.iter("mesh"):
         with suppress(RobotError):
             mesh.set("filename", _mesh_path(mesh.get("filename", ""), urdf, {}).as_uri())
     return ElementTree.tostring(root, encoding="unicode")
+
+
+def _references(root: ElementTree.Element) -> Iterator[tuple[ElementTree.Element, str]]:
+    """Elements of joints that name a link or a joint, each with the attribute that does."""
+    for tag, key in (("parent", "link"), ("child", "link"), ("mimic", "joint")):
+        for element in root.iterfind(f"joint/{tag}"):
+            yield element, key
 
 
 def _mesh_path(name: str, source: Path, packages: Mapping[str, Path]) -> Path:

@@ -50,10 +50,16 @@ def read_chain(path: str | Path, base_link: str, tool_link: str) -> Chain:
     ------
     RobotError : the file cannot be read, a link is missing or not below the base, or a joint lacks a limit.
     """
-    joints = _joints_from_base(read_urdf(path), base_link, tool_link, Path(path).name)
+    return chain_of(read_urdf(path), base_link, tool_link, Path(path).name)
+
+
+def chain_of(root: ElementTree.Element, base_link: str, tool_link: str, source: str) -> Chain:
+    """The chain between two links of a URDF, by its root element, that came from a source; errors as of `read_chain`.
+    """
+    joints = _joints_from_base(root, base_link, tool_link, source)
     moving = [joint for joint in joints if joint.get("type") in MOVING]
     if not moving:
-        raise RobotError(f"no moving joint lies between '{base_link}' and '{tool_link}' in {Path(path).name}")
+        raise RobotError(f"no moving joint lies between '{base_link}' and '{tool_link}' in {source}")
     names = tuple(joint.get("name", "") for joint in moving)
     limits = _limits(moving)
     origins = [read_origin(joint, f"joint '{joint.get('name')}'") for joint in joints]

@@ -30,9 +30,11 @@ def motion(shift: float = 0.0, rest: int = 60, samples: int = 300) -> np.ndarray
     return path
 
 
-def received(path: np.ndarray, names: Sequence[str] = NAMES, stamps: np.ndarray | None = None) -> JointSamples:
+def received(
+    path: np.ndarray, names: Sequence[str] = NAMES, stamps: np.ndarray | None = None, heard: Sequence[str] = NAMES
+) -> JointSamples:
     """What a node heard of a path (T, eta) at 100 Hz, beside messages of the gripper."""
-    samples = JointSamples(NAMES)
+    samples = JointSamples(heard)
     nanoseconds = 10_000_000 * np.arange(1, len(path) + 1)
     for now, stamp, row in zip(nanoseconds, nanoseconds if stamps is None else stamps, path, strict=True):
         time = SimpleNamespace(stamp=SimpleNamespace(sec=int(stamp) // 10**9, nanosec=int(stamp) % 10**9))
@@ -62,6 +64,17 @@ def test_a_take_is_cut_to_its_motion_and_stated_in_one_line(tmp_path: Path) -> N
     (take,) = joint_takes(tmp_path, "panda")
     assert np.ptp(take.times) == pytest.approx(3.0, abs=0.4)
     np.testing.assert_allclose(take.values[[0, -1]], path[[0, -1]], atol=0.004)
+
+
+def test_prefixed_joints_are_kept_under_the_names_of_the_robot(tmp_path: Path) -> None:
+    folder = TakeFolder(tmp_path, "panda", "left_")
+    prefixed = tuple(f"left_{name}" for name in NAMES)
+    assert folder.joint_names == prefixed
+    both = [*prefixed, *(f"right_{name}" for name in NAMES)]
+    path = motion()
+    folder.keep(received(np.hstack([path, path + 0.1]), both, heard=prefixed))
+    (take,) = joint_takes(tmp_path, "panda")
+    np.testing.assert_allclose(take.values[0], path[0], atol=0.004)
 
 
 def test_distances_from_the_others_are_stated(folder: TakeFolder) -> None:

@@ -51,7 +51,7 @@ class PaperKind(SkillKind):
 
     def send(self, outputs: PlannerOutputs, output: CycleOutput) -> None:
         if output.trajectory is not None:
-            outputs.trajectory(self.robot.joint_names, *output.trajectory)
+            outputs.trajectory(*output.trajectory)
         if output.commanded is not None:
             outputs.target(*output.commanded)
 
