@@ -1,4 +1,4 @@
-"""A URDF of another arm is told from a calibrated one of the same arm by where its links come."""
+"""A URDF of another arm is distinguished from a calibrated one of the same arm by where its links come."""
 
 from __future__ import annotations
 
