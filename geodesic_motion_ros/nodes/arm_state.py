@@ -139,7 +139,7 @@ class ArmState:
             self._pass_over(message)
             return None
         check_limits(positions, self._robot, places)
-        if arrival.now == 0.0:
+        if not arrival.has_clock:
             raise MessageRefused(f"{NO_CLOCK}: its age is unknown")
         return _Part(places, positions, seconds(message.header.stamp), arrival)
 

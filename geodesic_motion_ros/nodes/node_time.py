@@ -1,4 +1,8 @@
-"""The time that a node lives by: real, or that of a simulation, which may stand, run slowly or fast, and be set."""
+"""The time that a node lives by: real, or that of a simulation, which may stand, run slowly or fast, and be set.
+
+A float of seconds since 1970 is a multiple of 0.24 us, in which an arm moves far enough to break the limit of its jerk.
+So the node counts its seconds from when it began; a message is stamped with them and a whole number of nanoseconds.
+"""
 
 from __future__ import annotations
 
@@ -37,17 +41,32 @@ class Moment:
 
     Attributes
     ----------
-    now : the ROS clock [s].
+    now : the ROS clock since the node began [s], without its jumps.
     running : the real time that has passed [s]; while a simulated clock is published, its time. It never goes back, and
         does not count jumps of a clock.
     simulated : whether the ROS clock is a simulated one.
     set_by : sum of all jumps of the ROS clock so far [s].
+    ros_time : the ROS clock, as messages are stamped [ns].
     """
 
     now: float
     running: float
     simulated: bool
     set_by: float
+    ros_time: int
+
+    @property
+    def has_clock(self) -> bool:
+        """Whether the ROS clock shows a time: one that is to be simulated is at 0 until `/clock` is published."""
+        return not (self.simulated and self.ros_time == 0)
+
+    def transit(self, stamp: float) -> float:
+        """How long a message that arrives now was in transit by its stamp, both [s]: 0 without a stamp, less than that
+        with one of the future.
+
+        It is asked on arrival and never again: what becomes of the clock later makes nothing older.
+        """
+        return 0.0 if stamp == 0.0 else 1e-9 * self.ros_time - stamp
 
 
 class NodeTime:
@@ -58,6 +77,7 @@ class NodeTime:
         self._clock, self._steady = clock, steady
         self._lock = threading.Lock()
         self._now, self._steady_now = clock.now().nanoseconds, steady()
+        self._began = self._now
         self._running = self._steady_now
         self._set_by = 0
 
@@ -76,7 +96,13 @@ class NodeTime:
                 self._running += real
             self._set_by += jump
             self._now, self._steady_now = now, steady
-            return Moment(1e-9 * now, 1e-9 * self._running, simulated, 1e-9 * self._set_by)
+            passed = now - self._began - self._set_by
+            return Moment(1e-9 * passed, 1e-9 * self._running, simulated, 1e-9 * self._set_by, now)
+
+    def ros_time(self, now: float) -> int:
+        """What the ROS clock shows [ns] at a time as of `Moment.now` [s]."""
+        with self._lock:
+            return self._began + self._set_by + round(1e9 * now)
 
     def running(self) -> float:
         """`Moment.running` now."""

@@ -33,7 +33,7 @@ from geodesic_motion_ros.nodes.messages import (
     read_pose,
     seconds,
 )
-from geodesic_motion_ros.nodes.node_time import Moment, NodeTime
+from geodesic_motion_ros.nodes.node_time import NodeTime
 from geodesic_motion_ros.nodes.obstacle_load import Load, ObstacleLoad
 from geodesic_motion_ros.nodes.obstacle_subscription import ObstacleSubscription
 from geodesic_motion_ros.nodes.parameters import NodeParameters
@@ -165,6 +165,7 @@ class PlannerInputs:
             publishers=publishers,
             subscribers=subscribers,
             now=moment.now,
+            has_clock=moment.has_clock,
             heard=now,
             simulated=moment.simulated,
             set_by=moment.set_by,
@@ -286,7 +287,7 @@ class PlannerInputs:
         moment = self.time.read()
         with self._lock:
             self._task_frame = frame
-            self._task_frame_taken = moment.running - max(0.0, _transit(seconds(message.header.stamp), moment))
+            self._task_frame_taken = moment.running - max(0.0, moment.transit(seconds(message.header.stamp)))
 
     def on_obstacles(self, message: bytes) -> None:
         markers, updates, refused = markers_in(message), [], ""
@@ -301,9 +302,9 @@ class PlannerInputs:
         newest = max((update.stamp for update in updates), default=0.0)
         with self._lock:
             if len(updates) == len(markers):
-                self._tracker.hear("obstacles", moment.running, _transit(newest, moment))
+                self._tracker.hear("obstacles", moment.running, moment.transit(newest))
             taken = [
-                self._apply("obstacles", update, moment.running, _transit(update.stamp or newest, moment))
+                self._apply("obstacles", update, moment.running, moment.transit(update.stamp or newest))
                 for update in updates
             ]
             if refused:
@@ -327,7 +328,7 @@ class PlannerInputs:
         update = read_marker(marker_in(message), self._frame, self.frames)
         moment = self.time.read()
         with self._lock:
-            taken = self._apply("obstacle_marker", update, moment.running, _transit(update.stamp, moment))
+            taken = self._apply("obstacle_marker", update, moment.running, moment.transit(update.stamp))
         self._count_overtaken("obstacle_marker", taken)
         self._obstacles_changed()
 
@@ -351,7 +352,7 @@ class PlannerInputs:
         centre = read_point(message, self._frame, self.frames)
         radius, lifetime = self._parameters["obstacle_point_radius"], self._parameters["obstacle_lifetime"]
         moment = self.time.read()
-        transit = _transit(seconds(message.header.stamp), moment)
+        transit = moment.transit(seconds(message.header.stamp))
         with self._lock:
             taken = self._tracker.put(
                 "obstacle_point", ("", 0), centre, radius, moment.running, transit=transit, forget_after=lifetime
@@ -363,7 +364,7 @@ class PlannerInputs:
         # one that is of no use must not take the place of one that waits
         frame_of(message.header, self._frame, self.frames)
         moment = self.time.read()
-        self._cloud_thread.put(message, (moment.running, _transit(seconds(message.header.stamp), moment)))
+        self._cloud_thread.put(message, (moment.running, moment.transit(seconds(message.header.stamp))))
 
     def _field_of(self, message: PointCloud2) -> tuple[DistanceField, CloudFigures] | None:
         """Read a cloud; None where it is refused."""
@@ -403,9 +404,3 @@ class PlannerInputs:
         with self._lock:
             self._tracker.refuse("obstacle_cloud", reason)
         self._node.get_logger().error("".join(traceback.format_exception(error)), throttle_duration_sec=1.0)
-
-
-def _transit(stamp: float, arrival: Moment) -> float:
-    """Seconds a message was in transit by its stamp; 0 without a stamp, less with one of the future."""
-    # On arrival and never again: what becomes of the clock later makes nothing older.
-    return 0.0 if stamp == 0.0 else arrival.now - stamp

@@ -77,7 +77,8 @@ class PlannerNode(LoopingNode):
         self.cycle.state_topic = self.resolve_topic_name("joint_states")
         self.inputs = PlannerInputs(self, values, robot, skill.robot, self.kind.place, self._obstacles_changed)
         self.outputs = PlannerOutputs(
-            self, values["base_frame"], skill.robot, self.kind.command_topic, self.kind.guarded, robot.joint_names
+            self, values["base_frame"], skill.robot, self.kind.command_topic, self.kind.guarded, robot.joint_names,
+            self.inputs.time,
         )
         self._said: dict[str, float] = {}
         self._remarked: set[str] = set()

@@ -37,6 +37,7 @@ from geodesic_motion_ros.nodes.messages import (
     image_message,
     path_message,
 )
+from geodesic_motion_ros.nodes.node_time import NodeTime
 from geodesic_motion_ros.nodes.obstacle_load import Load, advice
 from geodesic_motion_ros.nodes.publishers import LATCHED, publishers_of, subscribers_of
 from geodesic_motion_ros.nodes.refusals import Refusals
@@ -74,13 +75,20 @@ class PlannerOutputs:
     """The publishers of the planner. Stamps are taken when a message leaves."""
 
     def __init__(
-        self, node: Node, frame: str, hardware: str, command_topic: str, guarded: str, joint_names: Sequence[str]
+        self,
+        node: Node,
+        frame: str,
+        hardware: str,
+        command_topic: str,
+        guarded: str,
+        joint_names: Sequence[str],
+        time: NodeTime,
     ) -> None:
         """command_topic : "target_pose" or "joint_trajectory"; nothing is published on the other.
 
-        guarded : what is kept away from obstacles, as the status says it.
+        guarded : what is kept away from obstacles, as the status says it. time : that trajectories are timed by.
         """
-        self._guarded, self._joint_names = guarded, tuple(joint_names)
+        self._guarded, self._joint_names, self._time = guarded, tuple(joint_names), time
         self._node, self._frame, self._hardware = node, frame, hardware
         kind = PoseStamped if command_topic == "target_pose" else JointTrajectory
         self._commands = node.create_publisher(kind, command_topic, QoSProfile(depth=1))
@@ -119,17 +127,10 @@ class PlannerOutputs:
         self._commands.publish(self._target_message)
 
     def trajectory(self, reference: JointReference, begin: float) -> None:
-        """What to play from `begin` [s, the node's clock] on; only the control loop calls this."""
-        self._commands.publish(
-            joint_trajectory_bytes(
-                self._joint_names,
-                reference.times,
-                reference.positions,
-                reference.velocities,
-                reference.accelerations,
-                begin,
-            )
-        )
+        """What to play from `begin` on, a time as of `Moment.now` [s]; only the control loop calls this."""
+        knots = reference.positions, reference.velocities, reference.accelerations
+        stamp = self._time.ros_time(begin)
+        self._commands.publish(joint_trajectory_bytes(self._joint_names, reference.times, *knots, stamp))
 
     def look_for_nodes_on_commands(self) -> tuple[tuple[str, ...], tuple[str, ...]]:
         """Look for nodes on the topic of the commands: names of those that publish on it, this one among them, and of

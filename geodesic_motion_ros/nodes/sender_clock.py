@@ -31,7 +31,7 @@ class SenderClock:
         if arrival.running - self._begun > _SPAN:
             self._least = [float("inf"), self._least[0]]
             self._begun = arrival.running
-        transit = arrival.now - stamp
+        transit = arrival.transit(stamp)
         self._least[0] = min(self._least[0], transit)
         return transit if transit >= 0.0 else transit - min(self._least)
 

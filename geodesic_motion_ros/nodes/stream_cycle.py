@@ -64,10 +64,11 @@ class CycleInputs(Generic[Place]):
     goal_in_task_frame : whether the goal was given in that frame.
     publishers : names of the nodes that publish the commands; more than one and the arm must not move.
     subscribers : names of the nodes that receive them; None: that is not known yet.
-    now : time of the clock that trajectories are stamped with [s].
+    now : time of the clock that trajectories are stamped with, since the node began and without its jumps [s].
     heard : time of the clock that obstacles are heard by [s], which is never set.
     simulated : whether both are of a simulation, which may stand, run slowly or fast.
-    set_by : sum of all jumps of `now` so far [s].
+    has_clock : whether that clock shows a time already.
+    set_by : sum of all jumps of that clock so far [s].
     held : the objects in the hand. held_refused : why it is not known what is in it; "" where it is.
     other_arm : why the arm is not that of the skill; "" where it is, or that is not known.
     """
@@ -88,6 +89,7 @@ class CycleInputs(Generic[Place]):
     now: float = 0.0
     heard: float = 0.0
     simulated: bool = False
+    has_clock: bool = True
     set_by: float = 0.0
     held: tuple[HeldObject, ...] = ()
     held_refused: str = ""
@@ -237,7 +239,7 @@ class StreamCycle(ABC, Generic[Place, Prepared]):
         jump, self._set_by = inputs.set_by - self._set_by, inputs.set_by
         if jump != 0.0:
             self._jump = jump
-            self._drop_goal(NO_CLOCK if _without_clock(inputs) else f"the clock was set by {jump:+.1f} s")
+            self._drop_goal(NO_CLOCK if not inputs.has_clock else f"the clock was set by {jump:+.1f} s")
         return min(passed, LONGEST_ADVANCE) if inputs.simulated else period
 
     # ------------------------------------------- what differs between the kinds of skill
@@ -370,7 +372,7 @@ class StreamCycle(ABC, Generic[Place, Prepared]):
 
     def _stale_state(self, inputs: CycleInputs[Place]) -> Halt | None:
         """Why it is not known where the arm is; None where it is. After `resume_timeout` the goal is dropped."""
-        if _without_clock(inputs):
+        if not inputs.has_clock:
             return Halt(Verdict(VerdictCode.STALE_STATE, NO_CLOCK))
         fault = inputs.state_fault
         if inputs.measured is None:
@@ -441,10 +443,6 @@ class StreamCycle(ABC, Generic[Place, Prepared]):
         names, topic = " and ".join(inputs.publishers), self._command_topic
         verdict = Verdict(VerdictCode.CONFLICT, f"{topic} is published by {names}: only one may command the arm")
         return Halt(verdict, f"{topic} had more than one publisher, {names}")
-
-
-def _without_clock(inputs: CycleInputs[Any]) -> bool:
-    return inputs.simulated and inputs.now == 0.0
 
 
 def _stale_obstacles(inputs: CycleInputs[Place]) -> str:

@@ -24,18 +24,19 @@ def joint_trajectory_bytes(
     positions: np.ndarray,
     velocities: np.ndarray,
     accelerations: np.ndarray,
-    begin: float,
+    stamp: int,
 ) -> bytes:
     """A serialised JointTrajectory, which a publisher takes in the place of the message.
 
     Parameters
     ----------
-    times : (n,) of the knots [s], 0 or more, after `begin`, the stamp [s] by the ROS clock.
+    times : (n,) of the knots [s], 0 or more, after the stamp.
     positions, velocities, accelerations : (n, eta) [rad], [rad/s], [rad/s^2].
+    stamp : when the motion begins, by the ROS clock [ns].
     """
-    stamp, frame = struct.pack("=iI", *_whole_nanoseconds(np.array(begin)).tolist()), _string("")
+    header = struct.pack("=iI", *divmod(stamp, 10**9)) + _string("")
     names = struct.pack("=I", len(joint_names)) + b"".join(map(_string, joint_names))
-    head = stamp + frame + names + struct.pack("=I", len(times))
+    head = header + names + struct.pack("=I", len(times))
     points = _points(times, positions, velocities, accelerations).tobytes()
     # The first point's numbers come after a length too.
     gap = _GAP if len(head) % 8 == 0 else b""
@@ -68,10 +69,5 @@ def _points(times: np.ndarray, positions: np.ndarray, velocities: np.ndarray, ac
     values = {"positions": positions, "velocities": velocities, "accelerations": accelerations}
     for name, rows in values.items():
         points[name], points[f"{name}_length"] = rows, joints
-    points["seconds"], points["nanoseconds"] = _whole_nanoseconds(times)
+    points["seconds"], points["nanoseconds"] = np.divmod(np.round(1e9 * times).astype(np.int64), 10**9)
     return points
-
-
-def _whole_nanoseconds(times: np.ndarray) -> np.ndarray:
-    """Times (...,) [s] as whole seconds and the nanoseconds left, (2, ...)."""
-    return np.stack(np.divmod(np.round(1e9 * times).astype(np.int64), 10**9))

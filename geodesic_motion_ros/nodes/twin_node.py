@@ -197,7 +197,7 @@ class TwinNode(LoopingNode):
             self.world.hold()
         # what the steps arrive at is the state of now
         arrival = self.world.time + steps * self.world.dt
-        self.world.clock_offset = self._clock_offset.update(moment.now, arrival)
+        self.world.clock_offset = self._clock_offset.update(1e-9 * moment.ros_time, arrival)
         # What a late tick makes up for was before its command came: until then the old one is followed.
         made = self._make_up(steps - 1)
         self._take_command()
@@ -287,7 +287,7 @@ class TwinNode(LoopingNode):
 
     def _stamp(self) -> Time:
         """When the world is as it is: as the tick began, however long its steps took."""
-        return Time(nanoseconds=round(1e9 * self._moment.now)).to_msg()
+        return Time(nanoseconds=self._moment.ros_time).to_msg()
 
     def _publish_state(self) -> None:
         stamp = self._stamp()

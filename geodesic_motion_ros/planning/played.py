@@ -49,15 +49,26 @@ class PlayedTrajectory:
         return self.certifier.swept(self.reference)
 
     def switch(self, earliest: float) -> float:
-        """When another one takes over, at or after a time [s]: no nearer to the knot before than may be."""
-        return earliest if earliest >= self.end else max(earliest, self.knot_before(earliest) + _SHORTEST_INTERVAL)
+        """When another one takes over, at or after a time [s]: no nearer to the knot before than may be, and at a knot
+        that would follow at once.
+        """
+        if earliest >= self.end:
+            return earliest
+        time = max(earliest, self.knot_before(earliest) + _SHORTEST_INTERVAL)
+        return max(time, self.knot_before(time + TIME_ROUNDING))
 
     def knot_before(self, time: float) -> float:
-        """The last knot at or before a time [s]; that time itself where the arm stands by then."""
+        """The last knot at or before a time [s]; that time itself where the arm stands by then.
+
+        A time near 1.8e9 s, as of today's clock, is a multiple of 0.24 us: the first of them that is not before the
+        knot.
+        """
         if time >= self.end:
             return time
-        knots = self.begin + self.reference.times
-        return float(knots[max(0, int(np.searchsorted(knots, time, side="right")) - 1)])
+        times = self.reference.times
+        local = float(times[max(0, int(np.searchsorted(times, time - self.begin, side="right")) - 1)])
+        knot = self.begin + local
+        return knot if knot - self.begin >= local else math.nextafter(knot, math.inf)
 
     def state_at_switch(self, earliest: float, followed: Followed | None) -> MotionState:
         """In what state another one takes over, at or after a time [s]; with a latent point where it is followed."""

@@ -113,17 +113,20 @@ def joined(old: JointReference, since: float, new: JointReference, until: float)
     """An old reference from its knot at `since` [s] until `until` [s], and from there on a new one.
 
     The new one begins in the old one's state of motion there, at a knot or between two: what remains of a quintic is
-    the quintic between its ends. Both times may lie beyond the old one's end, where the arm stands.
+    the quintic between its ends. `since` may be a little after its knot, as a clock of absolute times rounds: then the
+    first knot is the state of motion at `since` itself. Were the knot moved there as it is, by a tenth of a microsecond
+    alone, a quintic of a millisecond behind it would break the limit of the jerk. Both times may lie beyond the old
+    one's end, where the arm stands.
     """
     if until <= since + _ROUNDING:
         return new
-    kept = kept_knots(old, since, until)
-    passed = old.times[kept] - since
+    ahead = kept_knots(old, since, until)[1:]
+    begin = (*old.sample(since), old.latent_at(since))
     return JointReference(
-        np.concatenate([np.where(passed > _ROUNDING, passed, 0.0), until - since + new.times]),
+        np.concatenate([[0.0], old.times[ahead] - since, until - since + new.times]),
         *(
-            np.concatenate([getattr(old, name)[kept], getattr(new, name)])
-            for name in ("positions", "velocities", "accelerations", "latent")
+            np.concatenate([first[None], getattr(old, name)[ahead], getattr(new, name)])
+            for first, name in zip(begin, ("positions", "velocities", "accelerations", "latent"), strict=True)
         ),
     )
 

@@ -50,7 +50,8 @@ class Driver:
         at = round(1e9 * (EPOCH + self.now if stamp is None else stamp))
         header = Header(stamp=Time(sec=at // 10**9, nanosec=at % 10**9))
         message = JointState(header=header, name=list(names), position=[float(value) for value in positions], **fields)
-        self.state.receive(serialize_message(message), Moment(EPOCH + self.now, self.now, False, 0.0))
+        arrival = Moment(self.now, self.now, False, 0.0, round(1e9 * (EPOCH + self.now)))
+        self.state.receive(serialize_message(message), arrival)
 
     @property
     def age(self) -> float:
@@ -301,7 +302,7 @@ class TestClocks:
 
     def test_without_a_simulated_clock_nothing_is_taken(self, driver):
         message = JointState(name=list(NAMES), position=READY.tolist())
-        driver.state.receive(serialize_message(message), Moment(0.0, driver.now, True, 0.0))
+        driver.state.receive(serialize_message(message), Moment(0.0, driver.now, True, 0.0, 0))
         driver.state.update()
         assert driver.state.joints is None
         assert "nothing has been received on /clock" in driver.state.fault()

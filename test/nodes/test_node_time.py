@@ -30,11 +30,12 @@ class Clocks:
 
 
 @pytest.mark.parametrize("simulated", [False, True])
-def test_it_tells_the_ros_clock_and_whether_that_is_simulated(simulated) -> None:
+def test_it_counts_the_ros_clock_from_the_beginning_and_says_whether_that_is_simulated(simulated) -> None:
     clocks = Clocks(simulated)
     clocks.go_on(0.25, 0.25)
     moment = clocks.time.read()
-    assert moment.now == pytest.approx(1000.25)
+    assert moment.now == 0.25
+    assert moment.ros_time == 1_000_250_000_000
     assert moment.simulated is simulated
     assert moment.set_by == 0.0
 
@@ -54,7 +55,7 @@ def test_simulated_time_is_that_of_the_ros_clock_at_any_speed(steps) -> None:
     for ros, steady in steps:
         clocks.go_on(ros, steady)
         moment = clocks.time.read()
-        assert moment.running - begin == pytest.approx(moment.now - 1000.0, abs=1e-6)
+        assert moment.running - begin == pytest.approx(moment.now, abs=1e-6)
         assert moment.set_by == 0.0
 
 
@@ -65,7 +66,8 @@ def test_it_goes_on_over_a_jump_which_is_reported(simulated, jump) -> None:
     before = clocks.time.running()
     clocks.go_on(jump, 0.01)
     moment = clocks.time.read()
-    assert moment.now == pytest.approx(1000.0 + jump)
+    assert moment.ros_time == round(SECOND * (1000.0 + jump))
+    assert 0.0 <= moment.now <= 0.01 + 1e-9
     assert 0.0 <= moment.running - before <= 0.01 + 1e-9
     assert moment.set_by == pytest.approx(jump, abs=0.011)
     clocks.go_on(0.5, 0.5)
@@ -85,3 +87,29 @@ def test_a_simulated_clock_that_is_set_back_a_little_stands_meanwhile() -> None:
     before = clocks.time.running()
     clocks.go_on(-0.01, 0.01)
     assert clocks.time.running() == before
+
+
+@pytest.mark.parametrize("jump", [0.0, 5.0, -5.0])
+def test_a_time_is_stamped_to_the_nanosecond_by_the_clock_of_the_day_whenever_that_was_set(jump) -> None:
+    clocks = Clocks(False, 1_795_722_000.0)
+    clocks.go_on(jump, 0.0)
+    clocks.go_on(0.02, 0.02)
+    moment = clocks.time.read()
+    assert moment.now == 0.02
+    assert clocks.time.ros_time(moment.now) == moment.ros_time
+    assert clocks.time.ros_time(moment.now + 0.030000001) - moment.ros_time == 30_000_001
+
+
+def test_a_simulated_clock_that_was_never_heard_shows_no_time() -> None:
+    clocks = Clocks(True, 0.0)
+    assert not clocks.time.read().has_clock
+    clocks.go_on(1_795_722_000.0, 0.01)
+    assert clocks.time.read().has_clock
+    assert Clocks(False, 0.0).time.read().has_clock
+
+
+def test_a_message_was_in_transit_as_long_as_its_stamp_says() -> None:
+    moment = Clocks(False).time.read()
+    assert moment.transit(0.0) == 0.0
+    assert moment.transit(999.75) == pytest.approx(0.25, abs=1e-6)
+    assert moment.transit(1000.5) == pytest.approx(-0.5, abs=1e-6)

@@ -87,7 +87,7 @@ class Arm:
             return b""
         reference, begin = output.trajectory
         knots = reference.times, reference.positions, reference.velocities, reference.accelerations
-        return joint_trajectory_bytes(self.planner.robot.joint_names, *knots, begin)
+        return joint_trajectory_bytes(self.planner.robot.joint_names, *knots, round(1e9 * begin))
 
 
 #: Runs a file as a node begins: first the package, which keeps BLAS to one thread, and numpy asks only then.

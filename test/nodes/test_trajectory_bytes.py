@@ -46,14 +46,14 @@ def test_they_are_read_as_the_message(knots: int, joints: int) -> None:
     for extra in range(9):
         names = [f"joint{number}" + extra * "x" for number in range(joints)]
         arguments = names, *motion(knots, joints, extra)
-        assert_the_same(joint_trajectory_bytes(*arguments, 1.7e9), message_of(*arguments))
+        assert_the_same(joint_trajectory_bytes(*arguments, 1_700_000_000 * 10**9), message_of(*arguments))
 
 
 def test_rows_need_not_lie_one_after_the_other_in_memory() -> None:
     times, *rows = motion(30, 14)
     names = [f"joint{number}" for number in range(7)]
     arguments = names, times[::2], *(values[::2, ::2] for values in rows)
-    assert_the_same(joint_trajectory_bytes(*arguments, 1.7e9), message_of(*arguments))
+    assert_the_same(joint_trajectory_bytes(*arguments, 1_700_000_000 * 10**9), message_of(*arguments))
 
 
 def test_knots_a_millisecond_apart_ask_for_the_acceleration_of_the_motion() -> None:
@@ -61,7 +61,7 @@ def test_knots_a_millisecond_apart_ask_for_the_acceleration_of_the_motion() -> N
     times = np.cumsum(np.full(50, 1e-3 + 3.7e-10))
     positions, velocities = times + times**2, 1.0 + 2.0 * times
     rows = (values[:, None] for values in (positions, velocities, np.full(50, 2.0)))
-    message = deserialize_message(joint_trajectory_bytes(["j"], times, *rows, 0.0), JointTrajectory)
+    message = deserialize_message(joint_trajectory_bytes(["j"], times, *rows, 0), JointTrajectory)
     read = np.array([point.time_from_start.sec + 1e-9 * point.time_from_start.nanosec for point in message.points])
     knots = [
         np.array([getattr(point, name) for point in message.points])
@@ -73,8 +73,8 @@ def test_knots_a_millisecond_apart_ask_for_the_acceleration_of_the_motion() -> N
 
 def test_times_are_rounded_to_whole_nanoseconds() -> None:
     times = np.array([0.0, 0.9999999999, 1.0000000011])
-    wire = joint_trajectory_bytes(("j1", "j2", "j3"), times, *np.zeros((3, 3, 3)), 5.9999999999)
+    wire = joint_trajectory_bytes(("j1", "j2", "j3"), times, *np.zeros((3, 3, 3)), 1_795_722_000_123_456_789)
     message = deserialize_message(wire, JointTrajectory)
     stamps = [point.time_from_start for point in message.points]
     assert [(stamp.sec, stamp.nanosec) for stamp in stamps] == [(0, 0), (1, 0), (1, 1)]
-    assert message.header.stamp == Time(sec=6)
+    assert message.header.stamp == Time(sec=1_795_722_000, nanosec=123_456_789)

@@ -40,10 +40,15 @@ def judged(reference: JointReference, obstacles: Obstacles | None = None) -> Jud
     return CERTIFIER.judged(reference, CERTIFIER.certify(reference, obstacles or Obstacles.none(), 1.6))
 
 
+def timed(start: np.ndarray, goal: np.ndarray, *motion: np.ndarray) -> JointReference | None:
+    """The straight line from a state of motion to a goal (eta,); None where the limits leave no motion along it."""
+    share = np.linspace(0.0, 1.0, 60)[:, None]
+    return timed_joint_reference(start + share * (goal - start), np.hstack([1.0 - share, share]), LIMITS, *motion)
+
+
 def straight(start: np.ndarray, goal: np.ndarray, *motion: np.ndarray) -> JudgedTrajectory:
     """A trajectory from a state of motion to a goal (eta,)."""
-    share = np.linspace(0.0, 1.0, 60)[:, None]
-    reference = timed_joint_reference(start + share * (goal - start), np.hstack([1.0 - share, share]), LIMITS, *motion)
+    reference = timed(start, goal, *motion)
     assert reference is not None
     return judged(reference)
 
@@ -59,18 +64,21 @@ def at(
     return Situation(
         settings, LIMITS, CERTIFIER, stream.played, stream.followed, now, obstacles or Obstacles.none(),
         handover_deadline=handover_deadline,
-    )
+    )  # fmt: skip
 
 
 def going(
-    settings: PlannerSettings = SETTINGS, clearance: float = np.inf, purpose: Purpose = Purpose.GOAL
+    settings: PlannerSettings = SETTINGS,
+    clearance: float = np.inf,
+    purpose: Purpose = Purpose.GOAL,
+    now: float = 0.0,
 ) -> Stream:
-    """A stream that turns to the side from time 0 on."""
+    """A stream that turns to the side from a time [s] on."""
     stream = Stream(CERTIFIER)
-    stream.stand(judged(JointReference.standing(ROBOT.ready, np.zeros(2))), 0.0)
-    plan = Plan(straight(ROBOT.ready, ROBOT.ready + TURN), 0.0, replace(OK, clearance=clearance))
-    start = at(stream, 0.0, settings=settings)
-    stream.commit(start.handed_out(plan, Followed.begun(QUERY, plan, start.obstacles, start.now, purpose)), 0.0)
+    stream.stand(judged(JointReference.standing(ROBOT.ready, np.zeros(2))), now)
+    plan = Plan(straight(ROBOT.ready, ROBOT.ready + TURN), now, replace(OK, clearance=clearance))
+    start = at(stream, now, settings=settings)
+    stream.commit(start.handed_out(plan, Followed.begun(QUERY, plan, start.obstacles, start.now, purpose)), now)
     return stream
 
 
@@ -114,6 +122,39 @@ def test_one_path_takes_over_from_another_in_its_state_of_motion_and_the_past_is
     assert knot <= 0.5
     np.testing.assert_allclose(rest.sample(0.5 - knot)[0], stream.commanded(0.5)[0], atol=1e-12)
     assert stream.playing(stream.played.end) is None
+
+
+@pytest.mark.parametrize("clock", [0.0, 1.8e9])
+def test_what_is_joined_keeps_the_limits_and_the_motion_by_any_clock(clock) -> None:
+    """Floats near 1.8e9 s, as of today's clock, are 0.24 us apart; knots are a millisecond apart, or more."""
+    random, now, stream, shortest = np.random.default_rng(0), clock, going(now=clock), np.inf
+    for _ in range(200):
+        now += random.choice([0.001, 0.01, 0.0137, 0.02, 0.033]) + random.uniform(0.0, 1e-3)
+        before, situation = stream.played, at(stream, now)
+        state = situation.state
+        goal = ROBOT.ready + random.uniform(-1.0, 1.0) * TURN + random.uniform(-0.2, 0.2, 7)
+        new = timed(state.position, goal, state.velocity, state.acceleration) or situation.stop.reference
+        plan = Plan(judged(new), state.time, OK)
+        followed = Followed.begun(QUERY, plan, situation.obstacles, now)
+        handed = stream.commit(situation.handed_out(plan, followed), now)
+        assert handed.reference.keeps(LIMITS)
+        shortest = min(shortest, np.min(np.diff(handed.reference.times)))
+        at_times = np.linspace(now, state.time, 20)
+        expected, found = (played.reference.samples(at_times - played.begin) for played in (before, stream.played))
+        np.testing.assert_allclose(found[0], expected[0], atol=1e-12)
+        np.testing.assert_allclose(found[1], expected[1], atol=1e-9)
+        np.testing.assert_allclose(found[2], expected[2], atol=1e-5)
+    assert shortest < 1.001e-3
+
+
+def test_another_one_takes_over_at_a_knot_that_would_follow_at_once() -> None:
+    """A motion that began less than a microsecond before a knot would begin there, later than it is said to."""
+    played = PlayedTrajectory(straight(ROBOT.ready, ROBOT.ready + TURN), 1.8e9, CERTIFIER)
+    knot = played.knot_before(1.8e9 + played.reference.times[9] + 1e-3)
+    assert knot - 1.8e9 == pytest.approx(played.reference.times[9], abs=2.4e-7)
+    assert knot - 1.8e9 >= played.reference.times[9]
+    assert played.switch(np.nextafter(knot, 0.0)) == knot
+    assert played.switch(knot - 1e-4) == knot - 1e-4
 
 
 def test_a_stop_keeps_to_the_path_and_is_handed_out_once() -> None:

@@ -38,9 +38,13 @@ def test_what_comes_into_the_path_stops_the_arm_before_it_until_it_is_removed(
     assert max(stream.jumps) < 1e-6
 
 
-def test_the_stream_is_smooth_whatever_comes_and_goes(stream, reach_skill, nominal, goal) -> None:
+@pytest.mark.parametrize("clock", [0.0, 1.8e9])
+def test_the_stream_is_smooth_whatever_comes_and_goes(stream, start, reach_skill, nominal, goal, clock) -> None:
+    """At a small time, and at one as of today's clock."""
     random = np.random.default_rng(4)
     planner = stream.planner
+    stream.now = clock
+    stream.stand_at(start)
     elbows = np.array([elbow_position(planner.robot, posture) for posture in stream.dense(nominal)])
     sheet = reach_skill.canonical
     for _ in range(25):
