@@ -95,9 +95,11 @@ class PlannerNode(LoopingNode):
         self._every(1.0, self._look_at_commands, "the search for other commanders")
         self._every(1.0, self.inputs.look_for_other_types, "the search for obstacles of other types")
         # A plan takes longer than a joint state may be old.
-        self._plans = BackgroundService(self, GetPlan, "plan", self._on_plan)
-        self.create_service(SetBool, "~/hold", self._on_hold)
-        self.create_service(Trigger, "~/clear_obstacles", self._on_clear_obstacles)
+        self._answering = (
+            BackgroundService(self, GetPlan, "plan", self._on_plan),
+            BackgroundService(self, SetBool, "~/hold", self._on_hold, at_once=True),
+            BackgroundService(self, Trigger, "~/clear_obstacles", self._on_clear_obstacles, at_once=True),
+        )
 
     def _introduction(self) -> str:
         states, goals = (self.resolve_topic_name(name) for name in ("joint_states", "goal_pose"))
@@ -119,7 +121,8 @@ class PlannerNode(LoopingNode):
         self.inputs.stop()
         for picture in self._pictures:
             picture.stop()
-        self._plans.stop()
+        for service in self._answering:
+            service.stop()
         self.kind.close()
 
     # ------------------------------------------------------------ control loop

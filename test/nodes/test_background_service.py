@@ -9,6 +9,7 @@ import pytest
 import rclpy
 from rclpy.executors import Executor, SingleThreadedExecutor
 from rclpy.experimental import EventsExecutor
+from rclpy.qos import QoSProfile
 from std_srvs.srv import Trigger
 
 from geodesic_motion_ros.nodes.background_service import BackgroundService
@@ -28,13 +29,13 @@ def context() -> Iterator[rclpy.Context]:
 class Asked:
     """A node with the service, spun by one executor, and one that asks, by another."""
 
-    def __init__(self, context: rclpy.Context, kind: type[Executor], answer) -> None:
+    def __init__(self, context: rclpy.Context, kind: type[Executor], answer, **options: bool) -> None:
         self.node, self.asking = (rclpy.create_node(name, context=context) for name in ("answering", "asking"))
-        self.service = BackgroundService(self.node, Trigger, "slow", answer)
+        self.service = BackgroundService(self.node, Trigger, "slow", answer, **options)
         self.executor, self._other = kind(context=context), SingleThreadedExecutor(context=context)
         self.executor.add_node(self.node)
         self._other.add_node(self.asking)
-        self._client = self.asking.create_client(Trigger, "slow")
+        self._client = self.asking.create_client(Trigger, "slow", qos_profile=QoSProfile(depth=1000))
         assert self._client.wait_for_service(PATIENCE)
 
     def ask(self) -> rclpy.Future:
@@ -74,6 +75,26 @@ def test_timers_go_on_while_answers_are_worked_out_and_all_arrive(context, kind)
     release.set()
     asked.turn_until(lambda: all(future.done() for future in futures))
     assert all(future.result().success for future in futures)
+    asked.close()
+
+
+@pytest.mark.parametrize("at_once", [True, False])
+def test_of_a_flood_each_request_is_answered_in_its_turn(context, at_once) -> None:
+    done = []
+
+    def answer(request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        done.append(len(done))
+        response.message = str(done[-1])
+        return response
+
+    asked = Asked(context, EventsExecutor, answer, at_once=at_once)
+    futures = [asked.ask() for _ in range(200)]
+    if at_once:
+        # what was requested is done long before the last answer
+        asked.turn_until(lambda: len(done) == 200)
+        assert not futures[-1].done()
+    asked.turn_until(lambda: all(future.done() for future in futures))
+    assert [future.result().message for future in futures] == [str(number) for number in range(200)]
     asked.close()
 
 
