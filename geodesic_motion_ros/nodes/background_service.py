@@ -12,7 +12,7 @@ from typing import Any
 from rclpy.node import Node
 from rclpy.qos import QoSProfile
 
-#: Requests that wait, and answers on their way, at most: ROS keeps ten by default, and loses the others without a word.
+#: Requests that wait, and answers in transit, at most: ROS keeps ten by default, and loses the others without a word.
 _QUEUE = QoSProfile(depth=1000)
 #: Between two answers [s]: a client keeps ten that it has not read yet.
 _PAUSE = 0.01
