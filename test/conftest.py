@@ -8,6 +8,7 @@ ask for, and stores it.
 from __future__ import annotations
 
 import os
+import shutil
 import signal
 from collections.abc import Callable, Iterator
 from dataclasses import replace
@@ -23,6 +24,7 @@ from geodesic_motion_ros.demonstrations.demonstrations import Demonstration, Dem
 from geodesic_motion_ros.demonstrations.joint_demonstrations import JointDemonstration, JointDemonstrations
 from geodesic_motion_ros.geometry.quaternions import rotate_by
 from geodesic_motion_ros.planning.kernels import compile_kernels
+from geodesic_motion_ros.robot.description import SHIPPED
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.robot.limits import JointLimits
 from geodesic_motion_ros.skill.skill import Skill
@@ -194,6 +196,16 @@ def reaches(count_per_family: int, connected: bool, seed: int = 0) -> JointDemon
 def reach_demonstrations() -> JointDemonstrations:
     """What reach_skill was learned from: four demonstrations of each family, which begin and end alike."""
     return reaches(4, connected=True)
+
+
+@pytest.fixture(scope="session")
+def endless_reach_skill(reach_skill: Skill, tmp_path_factory: pytest.TempPathFactory) -> Skill:
+    """reach_skill of a Panda whose last joint has no ends."""
+    folder = tmp_path_factory.mktemp("robots") / "endless"
+    shutil.copytree(SHIPPED / "panda", folder)
+    urdf, last = folder / "panda.urdf", '<joint name="panda_joint7" type="{}">'
+    urdf.write_text(urdf.read_text().replace(last.format("revolute"), last.format("continuous")))
+    return replace(reach_skill, robot=str(folder))
 
 
 @pytest.fixture(scope="session")

@@ -91,6 +91,10 @@ class JointCycle(StreamCycle[np.ndarray, PreparedGoal]):
         self._released: dict[str, Obstacles] = {}
         # The names of obstacles that do not count.
         self._not_counted: list[str] = []
+        # Where the arm was measured (eta,) [rad], continuous joints in the turn of what is commanded, and by how many
+        # whole turns the driver has them elsewhere [rad].
+        self._near: np.ndarray | None = None
+        self._turned_by = np.zeros(len(planner.robot.joint_names))
 
     def run(self, inputs: CycleInputs[np.ndarray], period: float) -> CycleOutput:
         """See `StreamCycle.run`. The steps before that, whose order matters:
@@ -114,7 +118,18 @@ class JointCycle(StreamCycle[np.ndarray, PreparedGoal]):
         names = [*(held.name for held in self.planner.held), *in_place]
         if names != self._not_counted:
             self._not_counted, self._obstacles_version = names, -1
-        return super().run(inputs.without(_labels(names)), period)
+        return super().run(self._in_turn(inputs).without(_labels(names)), period)
+
+    def _in_turn(self, inputs: CycleInputs[np.ndarray]) -> CycleInputs[np.ndarray]:
+        """The inputs with continuous joints measured in the turn that is commanded, however the driver counts turns."""
+        measured = inputs.measured
+        if measured is None or not np.any(self.planner.robot.is_continuous):
+            return inputs
+        commanded = self.planner.commanded(inputs.now) if self._lost is None else None
+        near = self._near if commanded is None else commanded[0]
+        self._near = measured if near is None else self.planner.robot.nearest_turn(measured, near)
+        self._turned_by = measured - self._near
+        return replace(inputs, measured=self._near)
 
     def _take_held(self, inputs: CycleInputs[np.ndarray]) -> None:
         """Have what the hand holds prepared where that is new, and count it once that is done."""
@@ -190,6 +205,9 @@ class JointCycle(StreamCycle[np.ndarray, PreparedGoal]):
         trajectory = self._hand_over(plan)
         commanded = self.planner.commanded(self._now)
         path = self.planner.to_goal() if plan.verdict.ok else None
+        if trajectory is not None and np.any(self._turned_by):
+            reference, begin = trajectory
+            trajectory = replace(reference, positions=reference.positions + self._turned_by), begin
         return CycleOutput(
             plan.verdict,
             self._goal_verdict,

@@ -42,6 +42,7 @@ from geodesic_motion_ros.planning.status import Verdict, VerdictCode
 from geodesic_motion_ros.planning.stream import Stream
 from geodesic_motion_ros.planning.tool_query import ToolQueryBuilder
 from geodesic_motion_ros.planning.tracking import Tracking
+from geodesic_motion_ros.planning.turns import in_turn_of
 from geodesic_motion_ros.planning.warm_up import load_kernels
 from geodesic_motion_ros.robot.collision_model import CollisionModel
 from geodesic_motion_ros.robot.held_objects import HeldObject, check_held
@@ -350,9 +351,12 @@ class ReactivePlanner:
 
     def _checked(self, what: str, configuration: np.ndarray) -> tuple[np.ndarray | None, str]:
         try:
-            return self.robot.checked(configuration), ""
+            checked = self.robot.checked(configuration)
         except RobotError as error:
             return None, f"{what}: {error}"
+        if isinstance(self.graph, ConfigurationGraph):
+            checked = in_turn_of(self.graph.configurations, checked, self.robot)
+        return checked, ""
 
     # ------------------------------------------------------------- planning
 

@@ -5,6 +5,7 @@ spheres.
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -121,7 +122,8 @@ class ArmWorld:
         """
         self._refuse_in_free_drive()
         position, quaternion = checked_pose(position, quaternion)
-        posture = None if posture is None else self.robot.checked(posture)
+        if posture is not None:
+            posture = self.robot.nearest_turn(self.robot.checked(posture), self._motion.positions)
         if not self.robot.within_reach(position):
             raise RobotError(
                 f"target {np.round(position, 3).tolist()} m is out of reach: "
@@ -154,6 +156,10 @@ class ArmWorld:
             player = self._target
         else:
             player = TrajectoryPlayer(self._motion.positions, self._motion.velocities)
+        # As the controller does: joints without an end begin the shorter angle from where they are.
+        first = waypoints.positions[0]
+        turns = self.robot.nearest_turn(first, self._motion.positions) - first
+        waypoints = replace(waypoints, positions=waypoints.positions + turns)
         player.replace(waypoints, begin, self.time + self.clock_offset)
         self._target = player
 

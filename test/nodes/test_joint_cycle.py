@@ -282,6 +282,38 @@ def test_it_states_why_no_joint_state_can_be_used(cycle, arm, inputs):
             assert dataclasses.replace(late, measured=arm.measured()).figures == {"age_joint_states": age}
 
 
+@pytest.mark.parametrize("turns", [-1, 1])
+def test_a_driver_that_wraps_a_joint_in_motion_is_followed_and_sent_the_turn_that_it_reports(
+    endless_reach_skill, inputs, arm, turns
+):
+    planner = ReactivePlanner(endless_reach_skill)
+    cycle = JointCycle(planner, 0.1, 1.0, tracking_tolerance=0.1, horizon=HORIZON, clock=lambda: 0.0)
+    start, goal = arm.position[6], inputs.goal[6]
+    assert abs(goal - start) > 0.05
+    beyond = 0.5 * (start + goal)
+    outputs = []
+    for _ in range(1000):
+        true = arm.measured()
+        true[6] -= 2.0 * np.pi * np.round((true[6] - beyond) / (2.0 * np.pi))
+        # the joint passes the edge of the driver's range halfway
+        reported = true.copy()
+        wraps = (true[6] - beyond) * (goal - start) > 0.0
+        reported[6] += 2.0 * np.pi * turns * wraps
+        seen = dataclasses.replace(
+            inputs, measured=reported, now=arm.now, heard=arm.now, goal_number=1, publishers=("a",), subscribers=("b",)
+        )
+        outputs.append(cycle.run(seen, PERIOD))
+        if (sent := outputs[-1].trajectory) is not None:
+            # what is sent begins the shorter angle from what is reported, for a controller that counts no turns
+            assert np.all(np.abs(sent[0].positions[0] - reported) < 0.2)
+        arm.take(outputs[-1])
+        arm.now += PERIOD
+    assert {output.verdict.code for output in outputs} <= {VerdictCode.OK, VerdictCode.NO_GOAL}
+    np.testing.assert_allclose(np.delete(arm.measured() - inputs.goal, 6), 0.0, atol=1e-6)
+    off = arm.measured()[6] - goal
+    assert off == pytest.approx(2.0 * np.pi * np.round(off / (2.0 * np.pi)), abs=1e-6)
+
+
 def test_the_limits_are_kept_while_goals_change_in_motion(cycle, arm, inputs, planner):
     random = np.random.default_rng(3)
     for number in range(2, 14):

@@ -562,3 +562,16 @@ def test_real_demonstrations_are_followed(world: ArmWorld, recordings: Path, tas
     assert rows[:, 1].max() < np.radians(5.0)
     assert rows[-1, 0] < 1e-4
     assert rows[-1, 1] < np.radians(0.05)
+
+
+def test_a_joint_without_an_end_begins_the_shorter_angle(endless_reach_skill):
+    with ArmWorld(robot=endless_reach_skill.robot) as world:
+        start = world.robot.ready
+        world.reset(start)
+        moved = start + np.array([0.0] * 6 + [0.1])
+        turned = np.stack([start, moved]) + np.array([0.0] * 6 + [2.0 * np.pi])
+        world.set_joint_trajectory(JointWaypoints(np.array([0.5, 1.0]), turned))
+        for _ in range(480):
+            world.step()
+            assert abs(world.joint_positions[6] - start[6]) < 0.15
+        np.testing.assert_allclose(world.joint_positions, moved, atol=2e-3)
