@@ -72,8 +72,10 @@ class ArmState:
         # Of the last two messages about each joint, the newest first: positions [rad] and times [s], stamps [s].
         self._positions, self._times = np.full((2, count), np.nan), np.full((2, count), -np.inf)
         self._stamps = np.zeros(count)
-        # Joints of the messages that were passed over, and whether one of them was about the arm.
+        # Joints of the messages that were passed over, when the newest of them came [s], and whether one of them was
+        # about the arm.
         self._others: dict[str, None] = {}
+        self._others_since = -np.inf
         self._has_no_positions = False
         # When `remarks` was asked last [s], of how many states, and how often in a row these came too slowly.
         self._asked, self._counted, self._slow = 0.0, 0, 0
@@ -104,16 +106,22 @@ class ArmState:
                 self._merge(part)
             self._refused = guard.reason or self._refused
 
-    def fault(self) -> str:
-        """What is wrong with the newest messages, or with all so far where there is no state; "" for nothing."""
+    def fault(self, now: float) -> str:
+        """What is wrong with the newest messages, or with all so far where there is no state; "" for nothing.
+
+        now : [s, running].
+        """
         if self._refused:
-            return f"the newest message was refused: {self._refused}"
+            refused = f"the newest message was refused: {self._refused}"
+            return "; ".join(filter(None, (refused, self.clock.remark(now))))
         if self.joints is None:
             return self._lacking()
+        if self._others and self._others_since > np.max(self._times[0]) + PARTS_APART:
+            return f"since then messages name {self._listed()} alone: {self._remedy()}"
         old = self._times[0] < np.max(self._times[0]) - PARTS_APART
         if np.any(old):
             return f"nothing new is heard of {', '.join(np.array(self._names)[old])}"
-        return self.clock.remark()
+        return self.clock.remark(now)
 
     def remarks(self, now: float, timeout: float) -> dict[str, str]:
         """What a person should know of states that are taken, by kind; to be asked once a second.
@@ -123,7 +131,7 @@ class ArmState:
         rate = (self.count - self._counted) / max(now - self._asked, _SAME)
         self._asked, self._counted = now, self.count
         self._slow = self._slow + 1 if 0.0 < rate * timeout < _PERIODS else 0
-        remarks = {"clock": self.clock.remark()}
+        remarks = {"clock": self.clock.remark(now)}
         if self._slow > 1:
             remarks["rate"] = (
                 f"states come {rate:.0f} times a second, state_timeout is {timeout:g} s: one that is a little late "
@@ -137,6 +145,7 @@ class ArmState:
         places, positions = read_some_joints(message, self._names)
         if not len(places):
             self._pass_over(message)
+            self._others_since = arrival.running
             return None
         check_limits(positions, self._robot, places)
         if not arrival.has_clock:
@@ -144,8 +153,7 @@ class ArmState:
         return _Part(places, positions, seconds(message.header.stamp), arrival)
 
     def _pass_over(self, message: JointState) -> None:
-        if len(self._others) < _MOST_NAMES:
-            self._others |= dict.fromkeys(message.name)
+        self._others = dict(list((dict.fromkeys(message.name) | self._others).items())[:_MOST_NAMES])
         self._has_no_positions = self._has_no_positions or not set(self._names).isdisjoint(message.name)
 
     def _merge(self, part: _Part) -> None:
@@ -183,7 +191,7 @@ class ArmState:
     def _lacking(self) -> str:
         """Why there is no state, by the messages so far; "" where there were none."""
         unheard = [name for name, time in zip(self._names, self._times[0], strict=True) if not np.isfinite(time)]
-        others = ", ".join(list(self._others)[:_MOST_NAMES])
+        others = self._listed()
         if len(unheard) < len(self._names):
             return f"no message has {', '.join(unheard)}" + (f"; other joints are {others}" if others else "")
         if self._has_no_positions:
@@ -191,6 +199,9 @@ class ArmState:
         if not self._others:
             return ""
         return f"the messages name {others}; expected {', '.join(self._names)}: {self._remedy()}"
+
+    def _listed(self) -> str:
+        return ", ".join(self._others)
 
     def _remedy(self) -> str:
         """What to do where the joints of the messages are called otherwise than the arm's."""

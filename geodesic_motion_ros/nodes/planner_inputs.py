@@ -171,7 +171,7 @@ class PlannerInputs:
             set_by=moment.set_by,
             held=held,
             held_refused=held_refused,
-            state_fault=self.arm.fault(),
+            state_fault=self.arm.fault(now),
             other_arm=self._described.fault,
         )
 

@@ -22,12 +22,13 @@ class SenderClock:
     def __init__(self) -> None:
         # The least that messages were in transit for [s] by their stamps, in this span and in the one before.
         self._least = [float("inf"), float("inf")]
-        self._begun = -float("inf")
+        self._begun = self._newest = -float("inf")
 
     def age(self, stamp: float, arrival: Moment) -> float:
         """How old a message with a stamp [s] was at its arrival [s]; 0 without a stamp."""
         if stamp == 0.0:
             return 0.0
+        self._newest = arrival.running
         if arrival.running - self._begun > _SPAN:
             self._least = [float("inf"), self._least[0]]
             self._begun = arrival.running
@@ -35,10 +36,13 @@ class SenderClock:
         self._least[0] = min(self._least[0], transit)
         return transit if transit >= 0.0 else transit - min(self._least)
 
-    def remark(self) -> str:
-        """The difference of the clocks, where there seems to be one; "" where there is none."""
+    def remark(self, now: float) -> str:
+        """The difference of the clocks, where there seems to be one; "" where there is none, or no message comes.
+
+        now : [s, running].
+        """
         least = min(self._least)
-        if abs(least) < NAMED or least == float("inf"):
+        if abs(least) < NAMED or least == float("inf") or now - self._newest > 2.0 * _SPAN:
             return ""
         where, cause = ("ahead of", "") if least < 0.0 else ("behind", ", or its messages are late")
         remedy = "synchronise them"

@@ -120,6 +120,15 @@ class TestBadInput:
         assert status["reason"]
         assert status["time_to_goal"] == "nan"
 
+    def test_a_goal_of_navigation_before_any_goal_is_refused_and_the_next_one_taken(self, ready, skill):
+        floor = goal(x=2.31, y=-0.84, w=0.925, frame="map")
+        floor.pose.position.z, floor.pose.orientation.x, floor.pose.orientation.z = 0.0, 0.0, 0.38
+        ready.publisher(PoseStamped, "goal_pose").publish(floor)
+        status = ready.wait_for_code("BAD_INPUT", "goal_pose: frame 'map' is unknown here: send it in 'panda_link0'")
+        assert "\n" not in status["reason"]
+        ready.send_goal(skill.goal_pose)
+        ready.wait_for_code("OK")
+
     def test_a_bad_later_goal_leaves_the_old_one_and_is_reported(self, moving, skill):
         moving.listen_to_log()
         moving.send_goal(np.array([0.30, 0.45, 0.36, 0.0, 1.0, 0.0, 0.0]))

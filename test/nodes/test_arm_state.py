@@ -53,6 +53,9 @@ class Driver:
         arrival = Moment(self.now, self.now, False, 0.0, round(1e9 * (EPOCH + self.now)))
         self.state.receive(serialize_message(message), arrival)
 
+    def fault(self) -> str:
+        return self.state.fault(self.now)
+
     @property
     def age(self) -> float:
         return self.now - self.state.taken
@@ -68,7 +71,7 @@ def test_a_whole_state_is_taken_with_its_stamp(driver):
     driver.state.update()
     np.testing.assert_allclose(driver.state.joints, READY, atol=1e-12)
     assert driver.age == pytest.approx(0.03, abs=1e-6)
-    assert driver.state.fault() == ""
+    assert driver.fault() == ""
 
 
 class TestParts:
@@ -91,13 +94,13 @@ class TestParts:
         expected = driver.now - 0.008
         assert driver.state.taken == pytest.approx(expected, abs=1e-6)
         np.testing.assert_allclose(driver.state.joints, driver.at(expected), atol=1e-6)
-        assert (driver.refusals.counts, driver.state.fault()) == ({}, "")
+        assert (driver.refusals.counts, driver.fault()) == ({}, "")
 
     def test_a_part_alone_makes_no_state_and_is_named(self, driver):
         driver.send((*NAMES[:6], "finger"), positions=[*READY[:6], 0.02])
         driver.state.update()
         assert driver.state.joints is None
-        assert driver.state.fault() == "no message has panda_joint7"
+        assert driver.fault() == "no message has panda_joint7"
         driver.send(NAMES[6:])
         driver.state.update()
         assert driver.state.joints is not None
@@ -110,7 +113,7 @@ class TestParts:
             driver.state.update()
         assert driver.age == pytest.approx(0.5, abs=1e-6)
         np.testing.assert_allclose(driver.state.joints, READY, atol=1e-9)
-        assert driver.state.fault() == "nothing new is heard of panda_joint6, panda_joint7"
+        assert driver.fault() == "nothing new is heard of panda_joint6, panda_joint7"
 
     def test_a_wrong_part_is_refused_and_does_not_count(self, driver):
         driver.send()
@@ -118,7 +121,7 @@ class TestParts:
         driver.go(0.01)
         driver.send(NAMES[3:4], positions=[math.nan])
         driver.state.update()
-        assert driver.state.fault() == "the newest message was refused: joint panda_joint4 holds nan; " + (
+        assert driver.fault() == "the newest message was refused: joint panda_joint4 holds nan; " + (
             "finite numbers are needed"
         )
         np.testing.assert_array_equal(driver.state.joints, READY)
@@ -148,16 +151,17 @@ class TestOthers:
             driver.send(**others)
             driver.state.update()
         assert driver.age == pytest.approx(0.001, abs=1e-6)
-        assert (driver.refusals.counts, driver.state.fault()) == ({}, "")
+        assert (driver.refusals.counts, driver.fault()) == ({}, "")
         driver.go(1.0)
         driver.send(**others)
         driver.state.update()
         assert driver.age == pytest.approx(1.001, abs=1e-6)
+        assert driver.fault().startswith("since then messages name " if others.get("names", NAMES) else "")
 
     def test_before_the_first_state_the_reason_has_what_they_hold(self, driver):
         driver.send(positions=(), effort=[1.0] * 7)
         driver.state.update()
-        assert driver.state.fault() == "the messages about the arm hold no positions"
+        assert driver.fault() == "the messages about the arm hold no positions"
 
     def test_a_whole_cell_on_one_topic(self, driver):
         others = [f"left_joint{number}" for number in range(7)]
@@ -176,7 +180,7 @@ class TestNames:
     def test_that_have_a_prefix_are_named_with_the_remedy(self, driver):
         driver.send([f"left_{name}" for name in NAMES], positions=READY)
         driver.state.update()
-        fault = driver.state.fault()
+        fault = driver.fault()
         assert fault.startswith("the messages name left_panda_joint1, left_panda_joint2,")
         assert f"expected {', '.join(NAMES)}: set the parameter joint_prefix to 'left_'" in fault
 
@@ -184,7 +188,7 @@ class TestNames:
         driver = Driver(prefix="left_")
         driver.send(NAMES, positions=READY)
         driver.state.update()
-        assert driver.state.fault().endswith("expected " + ", ".join(f"left_{name}" for name in NAMES) + (
+        assert driver.fault().endswith("expected " + ", ".join(f"left_{name}" for name in NAMES) + (
             ": set the parameter joint_prefix to ''"
         ))
         driver.send([f"left_{name}" for name in NAMES], positions=READY)
@@ -194,9 +198,23 @@ class TestNames:
     def test_of_another_arm(self, driver):
         driver.send(["shoulder_pan_joint", "elbow_joint"], positions=[0.0, 0.0])
         driver.state.update()
-        fault = driver.state.fault()
+        fault = driver.fault()
         assert fault.startswith("the messages name shoulder_pan_joint, elbow_joint; expected panda_joint1")
         assert "remap joint_states" in fault
+
+
+    def test_that_change_while_it_runs_are_named(self, driver):
+        driver.send(stamp=EPOCH + driver.now + 0.4)
+        driver.state.update()
+        for _ in range(300):
+            driver.go(0.01)
+            driver.send([f"left_{name}" for name in NAMES], positions=READY)
+            driver.state.update()
+        fault = driver.fault()
+        assert fault.startswith("since then messages name left_panda_joint1, ")
+        assert fault.endswith("alone: set the parameter joint_prefix to 'left_'")
+        # what was wrong before is over
+        assert driver.state.remarks(driver.now, 0.25) == {}
 
 
 class TestRates:
@@ -217,7 +235,7 @@ class TestRates:
         driver.send()
         driver.send(positions=[math.nan] * 7)
         driver.state.update()
-        assert driver.state.fault().startswith("the newest message was refused: joint panda_joint1 holds nan")
+        assert driver.fault().startswith("the newest message was refused: joint panda_joint1 holds nan")
         np.testing.assert_array_equal(driver.state.joints, READY)
 
     @pytest.mark.parametrize(("rate", "is_named"), [(5, True), (10, False), (37, False), (120, False)])
@@ -274,15 +292,25 @@ class TestClocks:
             driver.send(stamp=EPOCH + driver.now - behind)
             driver.state.update()
         assert driver.age == pytest.approx(behind, abs=1e-3)
-        assert driver.state.fault() == (
+        assert driver.fault() == (
             f"the stamps are {behind:.2f} s behind the clock of this node: the clocks differ, or its messages are "
             "late; synchronise them"
         )
 
+    def test_a_clock_that_is_set_back_far_is_named_beside_the_refusal(self, driver):
+        driver.send()
+        driver.state.update()
+        for _ in range(6):
+            driver.go(1.0)
+            driver.send(stamp=EPOCH + driver.now - 3600.0)
+            driver.state.update()
+        assert driver.fault().startswith("the newest message was refused: its stamp is ")
+        assert "the stamps are 3600.00 s behind the clock of this node" in driver.fault()
+
     def test_stamps_of_a_simulation(self, driver):
         driver.send(stamp=EPOCH + driver.now - 2e6)
         driver.state.update()
-        assert "one of them is of a simulation: set use_sim_time alike" in driver.state.fault()
+        assert "one of them is of a simulation: set use_sim_time alike" in driver.fault()
 
     def test_zero_stamps_count_from_the_arrival(self, driver):
         for _ in range(10):
@@ -305,7 +333,7 @@ class TestClocks:
         driver.state.receive(serialize_message(message), Moment(0.0, driver.now, True, 0.0, 0))
         driver.state.update()
         assert driver.state.joints is None
-        assert "nothing has been received on /clock" in driver.state.fault()
+        assert "nothing has been received on /clock" in driver.fault()
 
 
 class TestTurns:
