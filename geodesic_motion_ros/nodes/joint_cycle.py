@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import replace
 from functools import partial
@@ -18,7 +18,7 @@ from geodesic_motion_ros.nodes.preparation import Preparation
 from geodesic_motion_ros.nodes.stream_cycle import CycleInputs, CycleOutput, Halt, Pose, StreamCycle, Unsettled
 from geodesic_motion_ros.obstacles.obstacles import Obstacles
 from geodesic_motion_ros.planning.arm_clearance import obstacle_clearance
-from geodesic_motion_ros.planning.guarded_arm import PreparedHold
+from geodesic_motion_ros.planning.guarded_arm import PreparedArm
 from geodesic_motion_ros.planning.mission import PreparedGoal
 from geodesic_motion_ros.planning.plan import Plan
 from geodesic_motion_ros.planning.planner import ReactivePlanner
@@ -71,7 +71,7 @@ class JointCycle(StreamCycle[np.ndarray, PreparedGoal]):
                 f"parameter horizon = {horizon:g}: must not be less than prediction, {planner.settings.prediction:g} s"
             )
         self.planner = planner
-        self._horizon = Horizon(horizon, planner.limits)
+        self._horizon = Horizon(horizon)
         self.tracking_tolerance, self.tool_tolerance = tracking_tolerance, tool_tolerance
         # An arm that does not hold the posture it was sent, and where its tool was when it last did not (3,) [m].
         self._astray: Unsettled | None = None
@@ -84,9 +84,12 @@ class JointCycle(StreamCycle[np.ndarray, PreparedGoal]):
         self._frame_verdict = Verdict(VerdictCode.OK)
         # Whether the goal that is being prepared is the old one, in a task frame that has moved.
         self._again = False
-        # What the hand is to hold, prepared as goals are; None: that is to be prepared once more.
-        self._holds: Preparation[PreparedHold | Verdict] = Preparation(background)
+        # Settings that are to change, by name; any thread may replace them.
+        self.changes: Mapping[str, float | None] = {}
+        # What the hand is to hold, and settings, prepared as goals are; None: that is to be prepared once more.
+        self._arms: Preparation[PreparedArm | Verdict] = Preparation(background)
         self._held: tuple[HeldObject, ...] | None = ()
+        self._changes = self.changes
         # Where objects that were released have been left, by name, as long as the arm has not left them.
         self._released: dict[str, Obstacles] = {}
         # The names of obstacles that do not count.
@@ -101,8 +104,9 @@ class JointCycle(StreamCycle[np.ndarray, PreparedGoal]):
 
         1. If no cycle came for so long that the arm brakes by itself, on the stop at the end of the trajectory that was
            sent last (`Horizon.overrun`), the planner records that, and plans on from the stop.
-        2. The objects in the hand are counted once they are prepared. Until then `_uncounted` names those that do not
-           count yet, for which the base class lets the arm stand, and `_goals_wait` defers goals.
+        2. Changed settings, and the objects in the hand, are counted once they are prepared. Until then `_uncounted`
+           names the objects that do not count yet, for which the base class lets the arm stand, and `_goals_wait`
+           defers goals.
         3. The places of released objects are forgotten where the arm has left them.
         4. Obstacles that have the name of an object in the hand are that object, and do not count while it is held, nor
            where it was released, until the arm has left it. Where these names change, the obstacles are set anew.
@@ -112,7 +116,7 @@ class JointCycle(StreamCycle[np.ndarray, PreparedGoal]):
             reason = f"no cycle for {self._horizon.length:g} s: the arm came to rest by itself"
             self.planner.braked(braking.reference, braking.begin, Verdict(VerdictCode.DEADLINE_MISSED, reason))
             self._horizon.forget()
-        self._take_held(inputs)
+        self._take_arm(inputs)
         self._released = self._not_left(inputs)
         in_place = (name for name, place in self._released.items() if _overlapping(_own(inputs, name), place))
         names = [*(held.name for held in self.planner.held), *in_place]
@@ -131,19 +135,20 @@ class JointCycle(StreamCycle[np.ndarray, PreparedGoal]):
         self._turned_by = measured - self._near
         return replace(inputs, measured=self._near)
 
-    def _take_held(self, inputs: CycleInputs[np.ndarray]) -> None:
-        """Have what the hand holds prepared where that is new, and count it once that is done."""
-        if inputs.held != self._held:
-            self._held = inputs.held
-            self._holds.ask(partial(self.planner.prepared_hold, inputs.held))
+    def _take_arm(self, inputs: CycleInputs[np.ndarray]) -> None:
+        """Have what the hand holds, and settings, prepared where they are new, and count them once that is done."""
+        changes = self.changes
+        if inputs.held != self._held or changes != self._changes:
+            self._held, self._changes = inputs.held, changes
+            self._arms.ask(partial(self.planner.prepared_arm, inputs.held, **changes))
         before = self.planner.held
         self._uncounted = _uncounted(inputs.held, before)
         try:
-            prepared = self._holds.take_settled()
-            self._goals_wait = self._holds.busy
+            prepared = self._arms.take_settled()
+            self._goals_wait = self._arms.busy
             if prepared is None:
                 return
-            verdict = self.planner.take_hold(prepared)
+            verdict = self.planner.take_arm(prepared)
             if not verdict.ok:
                 raise PlanningError(verdict.reason)
         except Exception:
@@ -227,14 +232,15 @@ class JointCycle(StreamCycle[np.ndarray, PreparedGoal]):
             # it arrives would be refused.
             self._horizon.forget()
             return standing.reference, standing.begin + self.planner.settings.latency
+        limits = self.planner.played_limits
         if plan.reference is not None:
-            sent = self._horizon.bound(plan.reference, plan.begin, self._now)
+            sent = self._horizon.bound(plan.reference, plan.begin, self._now, limits)
         elif plan.verdict.code is VerdictCode.DEADLINE_MISSED:
             # What is being played is a stop already, or a path that this cycle found no time to certify, or to stop on:
             # the arm brakes where what was sent ends.
             return None
         elif self._horizon.must_renew(self._now) and (playing := self.planner.playing(self._now)) is not None:
-            sent = self._horizon.bound(*playing, self._now)
+            sent = self._horizon.bound(*playing, self._now, limits)
         else:
             return None
         return sent.reference, sent.begin

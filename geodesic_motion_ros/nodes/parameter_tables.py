@@ -105,6 +105,7 @@ PLANNER = (
         "m",
         0.0,
         0.5,
+        read_only=False,
     ),
     Parameter(
         "obstacle_margin",
@@ -114,6 +115,7 @@ PLANNER = (
         "m",
         0.0,
         0.5,
+        read_only=False,
     ),
     Parameter(
         "ambient_strength",
@@ -190,8 +192,17 @@ PLANNER = (
         "m/s",
         -1.0,
         2.0,
+        read_only=False,
     ),
-    Parameter("angular_speed", -1.0, "Largest angular speed of the tool; likewise, 0.8", "rad/s", -1.0, 6.0),
+    Parameter(
+        "angular_speed",
+        -1.0,
+        "Largest angular speed of the tool; likewise, 0.8",
+        "rad/s",
+        -1.0,
+        6.0,
+        read_only=False,
+    ),
     Parameter(
         "acceleration",
         -1.0,
@@ -200,6 +211,7 @@ PLANNER = (
         "m/s^2",
         -1.0,
         20.0,
+        read_only=False,
     ),
     Parameter(
         "maximum_joint_offset",
@@ -209,7 +221,7 @@ PLANNER = (
         0.001,
         6.0,
     ),
-    Parameter("speed_scale", 0.3, "Share of the joints' velocity limits", "", 0.01, 1.0),
+    Parameter("speed_scale", 0.3, "Share of the joints' velocity limits", "", 0.01, 1.0, read_only=False),
     Parameter(
         "acceleration_scale",
         0.2,
@@ -217,6 +229,7 @@ PLANNER = (
         "",
         0.01,
         1.0,
+        read_only=False,
     ),
     Parameter(
         "latency",

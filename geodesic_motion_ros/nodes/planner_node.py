@@ -28,7 +28,7 @@ from geodesic_motion_ros.nodes.parameters import NodeParameters, Value
 from geodesic_motion_ros.nodes.planner_inputs import PlannerInputs
 from geodesic_motion_ros.nodes.planner_outputs import PlannerOutputs
 from geodesic_motion_ros.nodes.running import STEADY, LoopingNode, run_node
-from geodesic_motion_ros.nodes.skill_kinds import kind_of, of_robot, planner_settings
+from geodesic_motion_ros.nodes.skill_kinds import SkillKind, kind_of, of_robot, planner_settings
 from geodesic_motion_ros.nodes.steady_loop import SteadyLoop
 from geodesic_motion_ros.nodes.stream_cycle import CycleInputs, CycleOutput
 from geodesic_motion_ros.nodes.view_thread import ViewThread
@@ -51,7 +51,8 @@ class PlannerNode(LoopingNode):
         super().__init__("planner", **node_options)
 
     def _build(self) -> None:
-        self._options = NodeParameters(self, PLANNER, _check_settings, self._parameters_changed)
+        self.kind: SkillKind | None = None
+        self._options = NodeParameters(self, PLANNER, self._check_parameters, self._parameters_changed)
         self.get_logger().info(f"loading the skill {self._options['skill']}")
         skill = Skill.load(self._options["skill"])
         try:
@@ -297,6 +298,13 @@ class PlannerNode(LoopingNode):
             return f"{self.inputs.clear_obstacles()} obstacles forgotten"
 
         return self.inputs.refusals.answered("~/clear_obstacles", response, clear)
+
+    def _check_parameters(self, values: Mapping[str, Value]) -> None:
+        _check_settings(values)
+        for name, value in {} if self.kind is None else self.kind.fixed.items():
+            if values[name] != value:
+                method = values["method"]
+                raise ParameterError(f"parameter {name} cannot change while the method is '{method}': start it anew")
 
     def _parameters_changed(self, values: Mapping[str, Value]) -> None:
         self.kind.update(values)

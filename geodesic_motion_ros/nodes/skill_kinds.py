@@ -6,6 +6,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from concurrent.futures import ThreadPoolExecutor
 from importlib import import_module
+from types import MappingProxyType
 from typing import Any
 
 import numpy as np
@@ -21,7 +22,7 @@ from geodesic_motion_ros.nodes.stream_cycle import CycleOutput, Pose, StreamCycl
 from geodesic_motion_ros.planning.declared_scene import DeclaredScene
 from geodesic_motion_ros.planning.detour_worker import DetourWorker
 from geodesic_motion_ros.planning.planner import ReactivePlanner
-from geodesic_motion_ros.planning.settings import PlannerSettings
+from geodesic_motion_ros.planning.settings import CHANGEABLE, PlannerSettings
 from geodesic_motion_ros.planning.status import Verdict
 from geodesic_motion_ros.robot.body_points import end_effector_poses
 from geodesic_motion_ros.robot.collision_model import tool_spheres
@@ -54,6 +55,7 @@ class SkillKind(ABC):
     command_topic, command_type : where commands go: "target_pose", or "joint_trajectory".
     may_be_early : whether a cycle need not wait for its time where obstacles have changed: what it sends says itself
         when it begins, and not that it is to be followed at once.
+    fixed : the parameters that cannot change with this planner, though others' can, with their values.
     """
 
     robot: Robot
@@ -62,6 +64,7 @@ class SkillKind(ABC):
     command_topic: str
     subject: str
     may_be_early: bool
+    fixed: Mapping[str, Value] = MappingProxyType({})
 
     def __init__(self) -> None:
         self._goals = ThreadPoolExecutor(1, thread_name_prefix="goals")
@@ -191,6 +194,8 @@ class CertifiedKind(SkillKind):
         self.cycle.resume_timeout = values["resume_timeout"]
         self.cycle.tracking_tolerance = values["tracking_tolerance_joint"]
         self.cycle.tool_tolerance = _tool_tolerance(values)
+        settings = planner_settings(values)
+        self.cycle.changes = {name: getattr(settings, name) for name in CHANGEABLE}
         if self.planner.may_detour:
             self.planner.set_detour(values["detour"])
 

@@ -130,10 +130,10 @@ class ConfigurationQueryBuilder(TransportedQueryBuilder):
         self._poles = {end: self._find_poles(end) for end in ("start", "goal")}
         self._tool_positions, self._tool_quaternions = end_effector_poses(graph.configurations, self._robot.chain)
 
-    def guarding(self, collision: CollisionModel) -> ConfigurationQueryBuilder:
-        """The same where other spheres are kept away from obstacles."""
+    def guarding(self, collision: CollisionModel, settings: PlannerSettings) -> ConfigurationQueryBuilder:
+        """The same where other spheres are kept away from obstacles, with another margin."""
         other = copy(self)
-        other._collision, other._links = collision, LinkBounds.of(collision)
+        other._collision, other._links, other._settings = collision, LinkBounds.of(collision), settings
         return other
 
     def rebuilt(self, query: ConfigurationQuery) -> ConfigurationQuery:

@@ -26,6 +26,7 @@ from geodesic_motion_ros.planning.detour import DetourRequest, without_detour
 from geodesic_motion_ros.planning.evasion import evaded, still_evading
 from geodesic_motion_ros.planning.guarded_arm import GuardedArm
 from geodesic_motion_ros.planning.mission import Goal, Mission, Query
+from geodesic_motion_ros.planning.mode import Purpose
 from geodesic_motion_ros.planning.plan import Plan
 from geodesic_motion_ros.planning.played import TIME_ROUNDING, Followed, Step
 from geodesic_motion_ros.planning.search import KnownPaths
@@ -66,6 +67,8 @@ class Decider:
         if self.mission.active is None:
             stop = situation.stopped(Verdict(VerdictCode.NO_GOAL, "no goal has been given"))
             return Decision(stop, None, replace(memory, blocked_since=math.inf))
+        if situation.exceeds_limits and (slowed := self._slowed(situation)) is not None:
+            return Decision(slowed, query, memory)
         following = situation.following(query)
         if following is not None and self._needs_no_check(following):
             # Stage 1, keep: nothing has changed since the path was certified.
@@ -84,12 +87,27 @@ class Decider:
             return Decision(situation.answered(followed.verdict, followed), query, memory)
         return self._improved(query, followed)
 
+    @staticmethod
+    def _slowed(situation: Situation) -> Step | None:
+        """The step in which an arm that moves too fast slows down on its path, or stops where that is not free; None
+        where it does so already, or evades: then it is met if it is slower.
+        """
+        followed = situation.followed
+        if followed is None or followed.purpose not in (Purpose.GOAL, Purpose.APPROACH):
+            return None
+        if followed.slowed is situation.limits:
+            return None
+        reason = "the arm is to be slower, and slowed down on its path it would meet what moves"
+        return situation.slowed() or situation.stopped(Verdict(VerdictCode.NO_FEASIBLE_PATH, reason))
+
     # ------------------------------------------------------------ with a path
 
     def _needs_no_check(self, followed: Followed) -> bool:
-        """Whether the path that is followed needs neither a new certificate nor a new search: the obstacles stand, and
-        are those among which it was certified.
+        """Whether the path that is followed needs neither a new certificate nor a new search: the settings are those of
+        its search, the obstacles stand, and are those among which it was certified.
         """
+        if followed.outdated:
+            return False
         if not self.situation.settings.avoidance:
             return True
         return followed.obstacles is not None and followed.obstacles.is_static_and_unchanged(self.situation.obstacles)

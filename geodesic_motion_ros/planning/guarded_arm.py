@@ -18,11 +18,13 @@ from geodesic_motion_ros.planning.mission import Goal, GoalRequest, Query
 from geodesic_motion_ros.planning.plan import MotionState, Plan
 from geodesic_motion_ros.planning.played import Followed
 from geodesic_motion_ros.planning.pose_query import Pose
+from geodesic_motion_ros.planning.settings import PlannerSettings
 from geodesic_motion_ros.planning.solver import Solver
 from geodesic_motion_ros.planning.status import Verdict, VerdictCode
 from geodesic_motion_ros.planning.tool_query import ToolQueryBuilder
 from geodesic_motion_ros.robot.collision_model import CollisionModel
 from geodesic_motion_ros.robot.held_objects import HeldObject
+from geodesic_motion_ros.robot.limits import JointLimits
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,15 +54,27 @@ class GuardedArm:
             queries = ConfigurationQueryBuilder(skill, graph, settings, collision, solver.scene)
         return cls(collision, (), collision, solver, queries, DetourPlanner(solver))
 
-    def holding(self, objects: Sequence[HeldObject]) -> GuardedArm:
-        """The arm with these objects in the place of those that it holds."""
+    def changed(self, objects: Sequence[HeldObject], settings: PlannerSettings) -> GuardedArm:
+        """The arm with these objects in the place of those that it holds, and with other settings.
+
+        Raises
+        ------
+        RobotError : a scale of the settings is not in (0, 1].
+        """
         old = self.solver
         collision = self.empty.holding(old.robot, objects)
-        solver = Solver(old.skill, old.graph, old.settings, old.robot, collision, old.limits, old.scene)
+        solver = Solver(old.skill, old.graph, settings, old.robot, collision, self._limits(settings), old.scene)
         return replace(
-            self, objects=tuple(objects), collision=collision, solver=solver, queries=self.queries.guarding(collision),
-            detours=self.detours.with_solver(solver),
+            self, objects=tuple(objects), collision=collision, solver=solver,
+            queries=self.queries.guarding(collision, settings), detours=self.detours.with_solver(solver),
         )  # fmt: skip
+
+    def _limits(self, settings: PlannerSettings) -> JointLimits:
+        """The joints' limits with the scales of settings; the same as before where these are."""
+        old, scales = self.solver, ("speed_scale", "acceleration_scale")
+        if all(getattr(settings, name) == getattr(old.settings, name) for name in scales):
+            return old.limits
+        return JointLimits.of(old.robot, settings.speed_scale, settings.acceleration_scale)
 
     def start(self, pose: Pose, commanded: np.ndarray | None) -> np.ndarray | Verdict:
         """The configuration (eta,) in which a plan from a tool pose begins: the commanded one, where that holds the
@@ -141,8 +155,8 @@ class GuardedArm:
 
 
 @dataclass(frozen=True, eq=False)
-class PreparedHold:
-    """An arm with other objects in its hand, and the query that was being followed with their spheres.
+class PreparedArm:
+    """An arm with other objects in its hand, or other settings, and the query that was being followed with them.
 
     query : in the place of `before`; None: there was none.
     """

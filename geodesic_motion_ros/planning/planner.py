@@ -13,6 +13,7 @@ A tick works out its `Situation` once, decides without changing anything (`decis
 from __future__ import annotations
 
 import copy
+import math
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
@@ -30,7 +31,7 @@ from geodesic_motion_ros.planning.certificate import JudgedTrajectory
 from geodesic_motion_ros.planning.decision import Decider, Decision
 from geodesic_motion_ros.planning.declared_scene import DeclaredScene, check_demonstrations
 from geodesic_motion_ros.planning.detour_worker import DetourWorker
-from geodesic_motion_ros.planning.guarded_arm import GuardedArm, PreparedHold
+from geodesic_motion_ros.planning.guarded_arm import GuardedArm, PreparedArm
 from geodesic_motion_ros.planning.mission import Goal, GoalRequest, Inputs, Mission, PreparedGoal
 from geodesic_motion_ros.planning.mode import Mode
 from geodesic_motion_ros.planning.plan import Plan
@@ -49,6 +50,7 @@ from geodesic_motion_ros.robot.held_objects import HeldObject, check_held
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.robot.limits import JointLimits
 from geodesic_motion_ros.skill.skill import Skill
+from geodesic_motion_ros.trajectory.timing import load_references
 from geodesic_motion_ros.trajectory.trajectory import JointReference
 from geodesic_motion_ros.utils.deadline import NEVER, Deadline
 from geodesic_motion_ros.utils.errors import PlanningError, RobotError
@@ -89,30 +91,48 @@ class ReactivePlanner:
         demonstration enters it.
         """
         self.skill = skill
-        self.settings = settings or PlannerSettings()
+        settings = settings or PlannerSettings()
         self.robot = robot or Robot.named(skill.robot)
         guarded = collision or CollisionModel.named(skill.robot)
-        if self.settings.avoid == "tool":
-            guarded = guarded.guarding_tool(self.robot, self.settings.tool_points, self.settings.tool_radii)
-        self.graph: ConfigurationGraph | PoseGraph = skill.graph(self.settings.grid_shape, self.settings.neighbours)
-        self.limits = JointLimits.of(self.robot, self.settings.speed_scale, self.settings.acceleration_scale)
+        if settings.avoid == "tool":
+            guarded = guarded.guarding_tool(self.robot, settings.tool_points, settings.tool_radii)
+        self.graph: ConfigurationGraph | PoseGraph = skill.graph(settings.grid_shape, settings.neighbours)
+        limits = JointLimits.of(self.robot, settings.speed_scale, settings.acceleration_scale)
         self.may_detour, self.scene = scene is not None, scene or DeclaredScene.empty()
         check_demonstrations(self.scene, skill, self.robot, CollisionModel.named(skill.robot))
-        solver = Solver(skill, self.graph, self.settings, self.robot, guarded, self.limits, self.scene)
+        solver = Solver(skill, self.graph, settings, self.robot, guarded, limits, self.scene)
         self._arm, self._stream = GuardedArm.of(solver), Stream(solver.certifier)
         self._worker = detours or DetourWorker(DETOUR_DELAY)
-        self._inputs = Inputs(Obstacles.none(), self.settings.obstacle_position_error, Tracking(), TaskFrame.identity())
+        self._inputs = Inputs(Obstacles.none(), settings.obstacle_position_error, Tracking(), TaskFrame.identity())
         # How far a detour may lead [m]; any thread may set it.
-        self._reach = self.settings.detour if self.may_detour else 0.0
+        self._reach = settings.detour if self.may_detour else 0.0
         self._mission, self._memory = Mission(), AttemptMemory()
+        # Limits that what is being played keeps; None: the present ones.
+        self._earlier_limits: JointLimits | None = None
         # The time of the newest tick [s].
         self._ticked = 0.0
-        # It counts up when prepared goals become stale: the arm stands elsewhere, or holds other objects.
+        # It counts up when prepared goals become stale: the arm stands elsewhere, holds other objects, or has other
+        # settings.
         self._generation = 0
         # On a copy with a stream of its own, for this one has not begun.
         trial = copy.copy(self)
         trial._stream = Stream(solver.certifier)
         load_kernels(trial, self._arm)
+
+    @property
+    def settings(self) -> PlannerSettings:
+        """The settings of ticks and plans; some of them may change (`change_settings`)."""
+        return self._arm.solver.settings
+
+    @property
+    def limits(self) -> JointLimits:
+        """The limits of the joints that every new motion keeps."""
+        return self._arm.solver.limits
+
+    @property
+    def played_limits(self) -> JointLimits:
+        """The limits that what is being played keeps: for a moment after they were lowered still those from before."""
+        return self._earlier_limits or self.limits
 
     @property
     def collision(self) -> CollisionModel:
@@ -288,41 +308,75 @@ class ReactivePlanner:
 
     def hold(self, objects: Sequence[HeldObject]) -> Verdict:
         """Say what the hand holds from now on, all of it; nothing: (). Prepares the objects and takes them."""
-        return self.take_hold(self.prepared_hold(objects))
+        return self.take_arm(self.prepared_arm(objects))
 
-    def prepared_hold(self, objects: Sequence[HeldObject]) -> PreparedHold | Verdict:
-        """Do the work that takes time of holding other objects: any thread may do it while another one ticks.
+    def change_settings(self, **changes: float | None) -> Verdict:
+        """Change settings by their names, those of `CHANGEABLE`: prepares the change and takes it."""
+        return self.take_arm(self.prepared_arm(**changes))
 
-        BAD_INPUT where two objects have one name, or one is larger than the arm.
+    def prepared_arm(
+        self, objects: Sequence[HeldObject] | None = None, **changes: float | None
+    ) -> PreparedArm | Verdict:
+        """Do the work that takes time of holding other objects, and of changing settings: any thread may do it while
+        another one ticks.
+
+        BAD_INPUT where two objects have one name, or one is larger than the arm; where a setting cannot change, or has
+        a value that it must not have.
+
+        Parameters
+        ----------
+        objects : all that the hand holds from now on; None: as before. changes : settings of `CHANGEABLE`, by name.
         """
+        arm, before = self._arm, self._mission.query
+        fixed = sorted(changes.keys() - set(constants.CHANGEABLE))
+        if fixed:
+            reason = f"setting {fixed[0]} cannot be changed any more; those that can: {', '.join(constants.CHANGEABLE)}"
+            return Verdict(VerdictCode.BAD_INPUT, reason)
         try:
-            check_held(objects, self.robot)
-        except RobotError as error:
+            settings = replace(arm.solver.settings, **changes)
+            check_held(objects or (), self.robot)
+            changed = arm.changed(arm.objects if objects is None else objects, settings)
+        except (RobotError, PlanningError) as error:
             return Verdict(VerdictCode.BAD_INPUT, str(error))
-        arm, before = self._arm.holding(objects), self._mission.query
-        query = None if before is None else arm.queries.rebuilt(before)
-        return PreparedHold(arm, before, None if isinstance(query, Verdict) else query)
+        if settings != arm.solver.settings:
+            # What limits of the tool need is not loaded where it had none.
+            load_references(changed.solver.limits, changed.solver.tool)
+        query = before
+        if before is not None and (objects is not None or settings.obstacle_margin != self.settings.obstacle_margin):
+            rebuilt = changed.queries.rebuilt(before)
+            query = None if isinstance(rebuilt, Verdict) else rebuilt
+        return PreparedArm(changed, before, query)
 
-    def take_hold(self, prepared: PreparedHold | Verdict) -> Verdict:
-        """Count prepared objects from the next tick on, which certifies the motion anew with them.
+    def take_arm(self, prepared: PreparedArm | Verdict) -> Verdict:
+        """Count prepared objects and settings from the next tick on, which certifies the motion anew with them.
 
-        Attempts and detours with the objects held before are forgotten. If the objects were refused, nothing changes,
-        and the refusal is returned.
+        Attempts and detours with those before are forgotten. Where settings have changed a path that is found anew
+        takes the place of the one that is followed; an arm that is too fast slows down on its path first. If the change
+        was refused, nothing changes, and the refusal is returned.
         """
         if isinstance(prepared, Verdict):
             return prepared
-        self._arm = prepared.arm
+        before, self._arm = self._arm.solver, prepared.arm
+        solver = self._arm.solver
+        if solver.limits is not before.limits or solver.tool.limits != before.tool.limits:
+            earlier = self._earlier_limits
+            self._earlier_limits = before.limits if earlier is None else earlier.covering(before.limits)
+        self._inputs = replace(self._inputs, position_error=solver.settings.obstacle_position_error)
         # A query that is being prepared counts the objects held before.
         self._generation += 1
         query = prepared.query if self._mission.query is prepared.before else None
         self._mission, self._memory = replace(self._mission, query=query), AttemptMemory()
         played, followed = self._stream.played, self._stream.followed
-        self._stream.take_certifier(self._arm.solver.certifier)
+        self._stream.take_certifier(solver.certifier)
         if played is not None:
             self._stream.certify_anew(self._judged(played.reference, played.begin))
         if followed is not None:
             same = query if followed.query is prepared.before and query is not None else followed.query
-            self._stream.followed = replace(followed, query=same, obstacles=None, path=None, rejected=None)
+            outdated = followed.outdated or solver.settings != before.settings
+            searched = -math.inf if outdated else followed.searched
+            self._stream.followed = replace(
+                followed, query=same, obstacles=None, path=None, rejected=None, searched=searched, outdated=outdated
+            )
         names = ", ".join(held.name for held in self.held)
         return Verdict(VerdictCode.OK, f"holding {names or 'nothing'}")
 
@@ -418,7 +472,8 @@ class ReactivePlanner:
         certifier = self._arm.solver.certifier
         return Situation(
             self.settings, self.limits, certifier, stream.played, stream.followed, now, inputs.enlarged, deadline,
-            handover_deadline, self._reach, inputs.unchanged_since,
+            handover_deadline, self._reach, inputs.unchanged_since, self._earlier_limits,
+            self._arm.solver.tool,
         )  # fmt: skip
 
     def _commit(self, situation: Situation, mission: Mission, decision: Decision) -> Plan:
@@ -429,6 +484,8 @@ class ReactivePlanner:
             search = partial(self._arm.requested_detour, decision.detour, latent, obstacles)
             memory = replace(memory, detour=DetourSearch(self._worker.start(search, situation.now), decision.detour))
         self._mission, self._memory = replace(mission, query=decision.query), memory
+        if not situation.exceeds_limits:
+            self._earlier_limits = None
         return replace(self._stream.commit(decision.step, situation.now), mode=situation.mode(decision.step))
 
     def plan(

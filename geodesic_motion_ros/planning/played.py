@@ -17,6 +17,7 @@ from geodesic_motion_ros.planning.mode import Purpose
 from geodesic_motion_ros.planning.plan import ArmQuery, MotionState, Plan
 from geodesic_motion_ros.planning.search import KnownPaths, LatentPath
 from geodesic_motion_ros.planning.status import Verdict
+from geodesic_motion_ros.robot.limits import JointLimits
 from geodesic_motion_ros.trajectory.trajectory import JointReference
 
 #: Two knots are no nearer to each other than this [s].
@@ -91,6 +92,8 @@ class Followed:
     path, optimistic : as of `Plan`.
     remaining : how much of the path to a covered goal an approach leaves [m]; inf with every other purpose.
     rejected : the last path that was no gain over this one.
+    outdated : whether settings have been changed since: any path that is found takes the place of this one.
+    slowed : the limits that the motion was slowed down to, where these have been lowered; None: it was not.
     """
 
     query: ArmQuery
@@ -102,6 +105,8 @@ class Followed:
     optimistic: bool = False
     remaining: float = math.inf
     rejected: LatentPath | None = None
+    outdated: bool = False
+    slowed: JointLimits | None = None
 
     @classmethod
     def begun(

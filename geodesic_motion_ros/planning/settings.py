@@ -168,6 +168,13 @@ Avoid = Literal["arm", "tool"]
 Unseen = Literal["free", "blocked"]
 
 
+#: Settings that may change while the arm moves (`planner.ReactivePlanner.change_settings`).
+CHANGEABLE = (
+    "obstacle_margin", "obstacle_position_error", "speed_scale", "acceleration_scale", "speed", "angular_speed",
+    "acceleration",
+)  # fmt: skip
+
+
 @dataclass(frozen=True)
 class PlannerSettings:
     """Settings of planning, for every kind of skill. Lengths in metres, angles in radians.

@@ -23,7 +23,8 @@ from geodesic_motion_ros.planning.played import Followed, PlayedTrajectory, Step
 from geodesic_motion_ros.planning.settings import PlannerSettings
 from geodesic_motion_ros.planning.status import Verdict, VerdictCode
 from geodesic_motion_ros.robot.limits import JointLimits
-from geodesic_motion_ros.trajectory.stopping import stopping_reference
+from geodesic_motion_ros.trajectory.limited_tool import LimitedTool
+from geodesic_motion_ros.trajectory.stopping import keeps_all, slowed_reference, stopping_reference
 from geodesic_motion_ros.trajectory.trajectory import JointReference
 from geodesic_motion_ros.utils.deadline import NEVER, Deadline
 
@@ -53,6 +54,8 @@ class Situation:
         the past.
     reach : how far the tool may leave what was demonstrated [m].
     unchanged_since : since when the obstacles have been the same, at the same places [s].
+    earlier_limits : limits that what is being played keeps, where `limits` or those of the tool have been changed
+        since; None: it keeps these. tool : with its limits; None: it has none.
     """
 
     settings: PlannerSettings
@@ -66,6 +69,8 @@ class Situation:
     handover_deadline: Deadline = NEVER
     reach: float = 0.0
     unchanged_since: float = 0.0
+    earlier_limits: JointLimits | None = None
+    tool: LimitedTool | None = None
 
     @property
     def at_rest(self) -> bool:
@@ -90,15 +95,28 @@ class Situation:
     @cached_property
     def stop(self) -> Stop:
         """The soonest stop along what is being played from then on."""
-        reference = self._stopping(self.played, self.state.time)
+        reference = self._stopping(self.played, self.state.time, self._played_limits)
         swept = self.certifier.swept(reference)
         prediction = self.settings.prediction
         certificate = self.certifier.certify_swept(swept.lasting(prediction), self.expected, prediction)
         return Stop(reference, swept, certificate)
 
-    def _stopping(self, played: PlayedTrajectory, time: float) -> JointReference:
-        """The soonest stop from a time [s] of what is played, or may be."""
-        return stopping_reference(played.reference, min(time - played.begin, played.reference.duration), self.limits)
+    @property
+    def _played_limits(self) -> JointLimits:
+        """The limits that what is being played keeps, and so a stop on it."""
+        return self.earlier_limits or self.limits
+
+    @property
+    def exceeds_limits(self) -> bool:
+        """Whether what is left of what is being played exceeds the limits, which have been lowered since."""
+        if self.earlier_limits is None or self.at_rest:
+            return False
+        return not keeps_all(self.played.reference.rest(self.state.time - self.played.begin), self.limits, self.tool)
+
+    @staticmethod
+    def _stopping(played: PlayedTrajectory, time: float, limits: JointLimits) -> JointReference:
+        """The soonest stop from a time [s] of what is played, or may be, within limits that it keeps."""
+        return stopping_reference(played.reference, min(time - played.begin, played.reference.duration), limits)
 
     # ------------------------------------------------------------- assessments
 
@@ -151,12 +169,15 @@ class Situation:
 
     def require_a_stop(self, plan: Plan) -> Plan:
         """A plan, or its refusal where it does not leave a stop (`leaves_a_stop`)."""
-        if plan.trajectory is None or self.leaves_a_stop(PlayedTrajectory(plan.trajectory, plan.begin, self.certifier)):
+        if plan.trajectory is None or self._plan_leaves_a_stop(plan, self.limits):
             return plan
         reason = "on the best path the arm could not stop any more where what moves may come to a stand"
         return Plan(None, plan.begin, replace(plan.verdict, code=VerdictCode.NO_FEASIBLE_PATH, reason=reason))
 
-    def leaves_a_stop(self, candidate: PlayedTrajectory) -> bool:
+    def _plan_leaves_a_stop(self, plan: Plan, limits: JointLimits) -> bool:
+        return self.leaves_a_stop(PlayedTrajectory(plan.trajectory, plan.begin, self.certifier), limits)
+
+    def leaves_a_stop(self, candidate: PlayedTrajectory, limits: JointLimits | None = None) -> bool:
         """Whether the arm may follow a trajectory for another `REPLAN_DELAY`, as stopping then is safe, or stopping now
         is no safer. A certificate expects every obstacle to move on; an obstacle that halts before it has passed must
         not be met either.
@@ -167,11 +188,14 @@ class Situation:
            line where an obstacle may halt by the end of that stop;
         2. the stop that begins now is not free of these places itself;
         3. an obstacle that moves on would meet the arm on that stop, or standing at its end.
+
+        limits : that the candidate keeps; None: those that what is being played keeps.
         """
         if self.expected.is_static or not self.settings.avoidance:
             return True
         margin = constants.DYNAMIC_MARGIN_FACTOR * self.settings.obstacle_margin
-        stopping = self._stopping(candidate, self.state.time + constants.REPLAN_DELAY)
+        begin = self.state.time + constants.REPLAN_DELAY
+        stopping = self._stopping(candidate, begin, limits or self._played_limits)
         later = self.certifier.swept_spheres(stopping)
         if self._room_of(later, constants.REPLAN_DELAY) > margin or self._room_of(self.stop.swept, 0.0) <= 0.0:
             return True
@@ -183,10 +207,13 @@ class Situation:
         return self.certifier.room(stop, places)
 
     def gains(self, plan: Plan, followed: Followed) -> bool:
-        """Whether a new plan is not optimistic, as what is being followed is, or takes clearly less time."""
+        """Whether a new plan takes clearly less time than what is being followed, or is not optimistic, as that is, or
+        that is outdated.
+        """
         if plan.reference is None:
             return False
-        return (followed.optimistic and not plan.optimistic) or plan.reference.duration < self._worthwhile
+        replaces = followed.outdated or (followed.optimistic and not plan.optimistic)
+        return replaces or plan.reference.duration < self._worthwhile
 
     @property
     def _worthwhile(self) -> float:
@@ -194,8 +221,10 @@ class Situation:
         return (self.played.end - self.state.time) / constants.WORTHWHILE_RATIO
 
     def longest_worthwhile(self, followed: Followed) -> float:
-        """Duration [s] from which on a new path is no gain over what is being followed; inf over an optimistic one."""
-        return math.inf if followed.optimistic else self._worthwhile
+        """Duration [s] from which on a new path is no gain over what is being followed; inf over an optimistic one, or
+        one that is outdated.
+        """
+        return math.inf if followed.optimistic or followed.outdated else self._worthwhile
 
     def mode(self, step: Step) -> Mode:
         """The mode of the arm after a step."""
@@ -228,6 +257,28 @@ class Situation:
             f"{self.settings.latency:g} s, leaves; more latency, or a less busy machine, would do"
         )
         return self.answered(Verdict(VerdictCode.DEADLINE_MISSED, reason), before)
+
+    def slowed(self) -> Step | None:
+        """The step in which the arm slows down on its path until it keeps the limits, which have been lowered; None
+        where it follows none, where that is begun already, or would meet an obstacle.
+        """
+        followed = self.followed
+        if followed is None or followed.purpose is Purpose.STOP or followed.slowed is self.limits:
+            return None
+        since, prediction = self.state.time - self.played.begin, self.settings.prediction
+        slower = slowed_reference(self.played.reference, since, self.limits, self._played_limits, self.tool)
+        if slower is None:
+            return None
+        certificate = self.certifier.certify(slower, self.expected, prediction, not followed.optimistic)
+        if self.settings.avoidance and self.certifier.objection(certificate) is not None:
+            return None
+        verdict = replace(followed.verdict, clearance=float(np.min(certificate.clearance)))
+        plan = Plan(self.certifier.judged(slower, certificate), self.state.time, verdict)
+        if not self._plan_leaves_a_stop(plan, self._played_limits):
+            return None
+        return self.handed_out(
+            plan, replace(followed, verdict=verdict, obstacles=self.obstacles, slowed=self.limits), followed
+        )
 
     def stopped(self, verdict: Verdict, followed: Followed | None = None) -> Step:
         """The step in which the arm begins the soonest stop; an arm that stops already, or rests, goes on doing so.

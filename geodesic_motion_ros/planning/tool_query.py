@@ -186,10 +186,10 @@ class ToolQueryBuilder:
         self._poses = PoseQueryBuilder(skill, graph, settings)
         self._step = float(np.min(graph.grid.spacing))
 
-    def guarding(self, collision: CollisionModel) -> ToolQueryBuilder:
-        """The same where other spheres are kept away from obstacles."""
+    def guarding(self, collision: CollisionModel, settings: PlannerSettings) -> ToolQueryBuilder:
+        """The same where other spheres are kept away from obstacles, with another margin."""
         other = copy(self)
-        other._collision, other._links = collision, LinkBounds.of(collision)
+        other._collision, other._links, other._settings = collision, LinkBounds.of(collision), settings
         return other
 
     def rebuilt(self, query: ToolQuery) -> ToolQuery | Verdict:

@@ -49,6 +49,13 @@ class JointLimits:
         if not np.all(self.jerk > 0.0):
             raise RobotError(f"limits of jerk must be positive: they are {self.jerk}")
 
+    def covering(self, other: JointLimits) -> JointLimits:
+        """The wider of these limits of velocity, acceleration and jerk and of others."""
+        names = "velocity", "acceleration", "jerk"
+        return JointLimits(
+            self.lower, self.upper, *(np.maximum(getattr(self, name), getattr(other, name)) for name in names)
+        )
+
     @classmethod
     def of(
         cls,

@@ -37,14 +37,16 @@ class Sent:
 class Horizon:
     """Bounds the references of one stream, and remembers what was sent last. Times are of the stream's clock."""
 
-    def __init__(self, length: float, limits: JointLimits) -> None:
+    def __init__(self, length: float) -> None:
         """length : of what is sent, before it brakes [s]."""
-        self.length, self._limits = length, limits
+        self.length = length
         self._sent: Sent | None = None
         self._first, self._newest = math.inf, -math.inf
 
-    def bound(self, reference: JointReference, begin: float, now: float) -> Sent:
-        """Bound what is sent at `now` [s] of a reference that begins at a time [s], and remember it."""
+    def bound(self, reference: JointReference, begin: float, now: float, limits: JointLimits) -> Sent:
+        """Bound what is sent at `now` [s] of a reference that begins at a time [s], and remember it; limits : that it
+        keeps, and brakes by.
+        """
         self._first, self._newest = min(self._first, now), now
         # The stop begins at a knot: shorter pieces than those between knots gain nothing.
         ahead = now + self.length - begin
@@ -52,7 +54,7 @@ class Horizon:
         if reference.duration <= ahead or brakes == 0.0:
             self._sent = Sent(reference, begin, math.inf)
         else:
-            stop = stopping_reference(reference, brakes, self._limits)
+            stop = stopping_reference(reference, brakes, limits)
             self._sent = Sent(joined(reference, 0.0, stop, brakes), begin, begin + brakes)
         return self._sent
 

@@ -1,4 +1,4 @@
-"""Stops of a joint motion: along its path, or from its state of motion alone.
+"""Stops of a joint motion: along its path, or from its state of motion alone; and motions that slow down.
 
 As every reference a stop is continuous with the state it begins at, and keeps the limits between its knots too.
 """
@@ -12,7 +12,9 @@ import numpy as np
 
 from geodesic_motion_ros.geometry.quintic import quintic_samples
 from geodesic_motion_ros.robot.limits import JointLimits
+from geodesic_motion_ros.trajectory.limited_tool import LimitedTool
 from geodesic_motion_ros.trajectory.time_optimal import SmoothLaw, averaging_width, braking_rates
+from geodesic_motion_ros.trajectory.timing import tool_limit_ratio
 from geodesic_motion_ros.trajectory.trajectory import PERIOD, JointReference, ending_at_rest, interpolated, knot_times
 
 #: Halves of the triangle of time over which laws are averaged [s], tried one after the other: the sooner a stop begins
@@ -22,6 +24,10 @@ _STOP_SMOOTHINGS = (0.02, 0.06, 0.12)
 _BRAKING_SHARES = (0.97, 0.8, 0.5)
 #: Stops are planned on so much of what is ahead [s], and on all of it where that does not suffice.
 _AHEAD = 1.0
+#: A motion is slowed down to this share of what keeps lower limits: its knots are not those of the reference.
+_SLOWED_SHARE = 0.97
+#: A tool keeps its limits where it is over them by no more than this factor: they are measured at samples.
+_TOOL_ROUNDING = 1.01
 #: Shortest time [s] in which a bridge's acceleration changes, where jerk would allow less.
 _SHORTEST_RAMP = 0.005
 
@@ -50,21 +56,75 @@ def stopping_reference(
             passed = grid < stop
             knots, rates = np.append(grid[passed], stop), np.append(rates[passed], rates[-1])
             law = SmoothLaw.along(knots, rates, width)
-            times = knot_times(law.end + width, period)
-            at, rate, change = law.sample(times - width)
-            positions, velocities, accelerations = going.samples(at)
-            halt = ending_at_rest(
-                times,
-                positions,
-                velocities * rate[:, None],
-                accelerations * rate[:, None] ** 2 + velocities * change[:, None],
-                interpolated(at, going.times, going.latent),
-            )
+            halt = _passed(going, law, law.end + width, period)
             if halt.keeps(limits):
                 return halt
     bridge = bridge_to_rest(*going.sample(0.0), limits, period)
     bridge = replace(bridge, latent=np.repeat(going.latent[:1], len(bridge.times), axis=0))
     return bridge if bridge.keeps(limits) and bridge.duration < going.duration else going
+
+
+def slowed_reference(
+    reference: JointReference,
+    time: float,
+    limits: JointLimits,
+    kept: JointLimits,
+    tool: LimitedTool | None = None,
+    period: float = PERIOD,
+) -> JointReference | None:
+    """Slow the rest of a reference down from `time` [s] on, along its own path, until it keeps lower limits; None where
+    that does not succeed: then it is to stop.
+
+    It is passed at a rate that falls from 1, as that of a stop does, to one at which all of the rest keeps the limits.
+
+    limits, tool : kept from then on. kept : wider limits that the reference keeps, and the motion while it slows down.
+    """
+    going = reference.rest(time)
+    velocity, acceleration, jerk = np.max(going.limit_ratio(limits), axis=1)
+    tool_speed, tool_acceleration = tool_excess(going, tool)
+    largest = max(velocity, tool_speed, max(acceleration, tool_acceleration) ** 0.5, jerk ** (1.0 / 3.0))
+    slowest = _SLOWED_SHARE / max(1.0, largest)
+    for smoothing in _STOP_SMOOTHINGS:
+        width = averaging_width(smoothing, kept)
+        if going.duration <= width:
+            return None
+        whole = _grid(going, width, np.inf, period)
+        for share in _BRAKING_SHARES:
+            _, rates, _ = _braked(going, whole, share * kept.acceleration)
+            law = SmoothLaw.along(whole, np.maximum(rates, slowest), width)
+            slower = _passed(going, law, float(law.times[-1]) + width, period)
+            # The average has fallen one width after the law has.
+            fallen = law.times[int(np.argmax(law.rates <= slowest))] + 2.0 * width
+            if slower.keeps(kept) and keeps_all(slower.rest(min(fallen, slower.duration)), limits, tool):
+                return slower
+    return None
+
+
+def keeps_all(reference: JointReference, limits: JointLimits, tool: LimitedTool | None) -> bool:
+    """Whether a reference keeps the limits of the joints, and those of the tool up to a hundredth."""
+    return reference.keeps(limits) and max(tool_excess(reference, tool)) <= _TOOL_ROUNDING
+
+
+def tool_excess(reference: JointReference, tool: LimitedTool | None) -> tuple[float, float]:
+    """Largest speed and acceleration of the tool along a reference, over their limits; 0 without limits."""
+    if tool is None or not tool.limits.limited:
+        return 0.0, 0.0
+    speed, acceleration = np.max(tool_limit_ratio(tool, reference, 0.0), axis=1)
+    return float(speed), float(acceleration)
+
+
+def _passed(going: JointReference, law: SmoothLaw, end: float, period: float) -> JointReference:
+    """A reference under a law that begins one width before time 0 at the rate 1, until a time [s]."""
+    times = knot_times(end, period)
+    at, rate, change = law.sample(times - law.width)
+    positions, velocities, accelerations = going.samples(at)
+    return ending_at_rest(
+        times,
+        positions,
+        velocities * rate[:, None],
+        accelerations * rate[:, None] ** 2 + velocities * change[:, None],
+        interpolated(at, going.times, going.latent),
+    )
 
 
 def _grid(going: JointReference, begin: float, ahead: float, period: float) -> np.ndarray:

@@ -91,7 +91,7 @@ def timed_joint_reference(
         attempt, fading = _played(curve, law, begin, limits, tool, state, period)
         inside, limit_ratio = attempt.measured(limits)
         if tool is not None:
-            limit_ratio[:2] = np.maximum(limit_ratio[:2], _tool_limit_ratio(tool, attempt, fading))
+            limit_ratio[:2] = np.maximum(limit_ratio[:2], tool_limit_ratio(tool, attempt, fading))
         worst = np.max(limit_ratio)
         if inside and worst <= 1.0 + _ROUNDING:
             return attempt
@@ -254,7 +254,7 @@ def _played(
     return ending_at_rest(times, *motion, interpolated(passed[0], curve.knots, curve.latent)), length
 
 
-def _tool_limit_ratio(tool: LimitedTool, reference: JointReference, fading: float) -> np.ndarray:
+def tool_limit_ratio(tool: LimitedTool, reference: JointReference, fading: float) -> np.ndarray:
     """The tool's speeds and accelerations over its limits (2, n - 1); its initial ones are allowed while they fade."""
     times = reference.times
     # The first knot of all intervals of an even number is a knot of the reference.

@@ -325,7 +325,37 @@ class TestParameters:
         assert not node.set_parameters([Parameter("state_timeout", value=11)])[0].successful
 
     def test_what_cannot_change_is_refused(self, ready):
-        assert not ready.planner.set_parameters([Parameter("speed", value=0.1)])[0].successful
+        assert not ready.planner.set_parameters([Parameter("prediction", value=2.0)])[0].successful
+
+    def test_the_paper_s_planner_keeps_its_speed_and_says_so(self, bench, planner_options):
+        paper = {"skill": planner_options["skill"], "method": "paper", "simulation_only": True}
+        node = bench.add(PlannerNode, **paper)
+        result = node.set_parameters([Parameter("speed_scale", value=0.1)])[0]
+        assert not result.successful
+        assert result.reason == "parameter speed_scale cannot change while the method is 'paper': start it anew"
+        assert node.set_parameters([Parameter("state_timeout", value=1.0)])[0].successful
+
+    @pytest.mark.parametrize("scale", [0.3, 0.02], ids=["control: as fast as before", "slower"])
+    def test_an_arm_in_motion_can_be_slower_and_farther_away(self, moving, scale):
+        """Its fastest joint makes 2.6 rad/s; `status` has what is commanded of the fastest one."""
+        planner, slow = moving.planner.kind.planner, 0.02 * 2.61
+        moving.wait(lambda: float(moving.status()["speed"]) > 3.0 * slow, "an arm in fast motion")
+        changes = {"speed_scale": scale, "obstacle_margin": 0.02, "obstacle_position_error": 0.01}
+        results = moving.planner.set_parameters([Parameter(name, value=value) for name, value in changes.items()])
+        assert all(result.successful for result in results)
+        moving.wait(lambda: float(moving.status()["obstacle_margin"]) == 0.02, "the margin in the status")
+        moving.wait(lambda: float(moving.status()["obstacle_position_error"]) == 0.01, "the error in the status")
+        assert planner.settings.speed_scale == scale
+        if scale == 0.02:
+            moving.wait(lambda: planner.played_limits is planner.limits, "an arm that has slowed down")
+            ticks = moving.planner.loop.ticks
+            heard = moving.heard["planner/status"]
+            moving.wait(lambda: int(moving.status()["tick"]) > ticks + 150, "a second and a half")
+            values = [{pair.key: pair.value for pair in message.status[0].values} for message in heard]
+            later = [float(value["speed"]) for value in values if int(value["tick"]) > ticks]
+            assert 0.0 < max(later) <= slow + 1e-6
+            moving.planner.set_parameters([Parameter("speed_scale", value=0.3)])
+        moving.wait(moving.at_goal, "rest at the goal")
 
 
 class TestSkills:

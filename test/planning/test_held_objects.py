@@ -198,7 +198,7 @@ def test_objects_are_prepared_in_another_thread_while_ticks_go_on(planner) -> No
     played = Played(planner)
     played.run(0.1)
     with ThreadPoolExecutor(1) as background:
-        preparing = background.submit(planner.prepared_hold, [BOTTLE])
+        preparing = background.submit(planner.prepared_arm, [BOTTLE])
         played.run(0.1)
         prepared = preparing.result()
     # Meanwhile another goal was taken: what was carried to the one before is of no use.
@@ -206,7 +206,7 @@ def test_objects_are_prepared_in_another_thread_while_ticks_go_on(planner) -> No
     assert planner.set_goal(goal[:3] + np.array([0.0, 0.0, 0.01]), goal[3:]).ok
     played.run(0.05)
     before = len(played.postures)
-    assert planner.take_hold(prepared).ok
+    assert planner.take_arm(prepared).ok
     played.run(15.0)
     assert np.min(bottle_distances(planner, played.postures[before - 1 :], obstacles.centres[0])) > 0.0
 

@@ -33,7 +33,7 @@ def reference(request: pytest.FixtureRequest) -> JointReference:
 
 def test_what_is_sent_is_the_reference_until_the_horizon_and_ends_at_rest_soon_after(reference):
     begin, now = 40.0, 40.3
-    sent = Horizon(LENGTH, LIMITS).bound(reference, begin, now)
+    sent = Horizon(LENGTH).bound(reference, begin, now, LIMITS)
     assert now + LENGTH - 0.02 < sent.brakes <= now + LENGTH + 1e-9
     same = np.linspace(0.0, sent.brakes - begin, 300)
     np.testing.assert_allclose(sent.reference.samples(same), reference.samples(same), atol=1e-9)
@@ -43,15 +43,15 @@ def test_what_is_sent_is_the_reference_until_the_horizon_and_ends_at_rest_soon_a
 
 
 def test_it_brakes_along_the_same_path(reference):
-    sent = Horizon(LENGTH, LIMITS).bound(reference, 0.0, 0.0)
+    sent = Horizon(LENGTH).bound(reference, 0.0, 0.0, LIMITS)
     path = reference.samples(np.linspace(0.0, reference.duration, 3000))[0]
     halt = sent.reference.samples(np.linspace(sent.brakes, sent.reference.duration, 30))[0]
     assert np.linalg.norm(halt[:, None] - path, axis=2).min(axis=1).max() < 3e-3
 
 
 def test_what_ends_within_the_horizon_is_sent_whole_and_once(reference):
-    horizon = Horizon(LENGTH, LIMITS)
-    sent = horizon.bound(reference, 5.0, 5.001 + reference.duration - LENGTH)
+    horizon = Horizon(LENGTH)
+    sent = horizon.bound(reference, 5.0, 5.001 + reference.duration - LENGTH, LIMITS)
     assert sent.reference is reference
     assert sent.brakes == math.inf
     assert not horizon.must_renew(1e9)
@@ -60,20 +60,20 @@ def test_what_ends_within_the_horizon_is_sent_whole_and_once(reference):
 
 def test_in_the_first_second_of_a_stream_it_is_sent_again_ten_times_a_second(reference):
     """The controller may find the sender late."""
-    horizon = Horizon(LENGTH, LIMITS)
-    horizon.bound(reference, 0.0, 0.0)
+    horizon = Horizon(LENGTH)
+    horizon.bound(reference, 0.0, 0.0, LIMITS)
     assert [horizon.must_renew(now) for now in (0.09, 0.11)] == [False, True]
-    horizon.bound(reference, 0.0, 0.11)
+    horizon.bound(reference, 0.0, 0.11, LIMITS)
     assert [horizon.must_renew(now) for now in (0.2, 0.22)] == [False, True]
-    sent = horizon.bound(reference, 0.0, 0.99)
+    sent = horizon.bound(reference, 0.0, 0.99, LIMITS)
     assert not horizon.must_renew(min(1.1, sent.brakes - 0.5 * LENGTH - 1e-3))
 
 
 def test_it_is_renewed_long_before_the_arm_brakes_and_an_overrun_is_reported(reference):
-    horizon = Horizon(LENGTH, LIMITS)
+    horizon = Horizon(LENGTH)
     assert not horizon.must_renew(1e9)
-    horizon.bound(reference, -9.0, -9.0)
-    sent = horizon.bound(reference, 0.0, 0.0)
+    horizon.bound(reference, -9.0, -9.0, LIMITS)
+    sent = horizon.bound(reference, 0.0, 0.0, LIMITS)
     assert not horizon.must_renew(sent.brakes - 0.5 * LENGTH - 1e-3)
     assert horizon.must_renew(sent.brakes - 0.5 * LENGTH + 1e-3)
     assert horizon.overrun(sent.brakes - 1e-3) is None

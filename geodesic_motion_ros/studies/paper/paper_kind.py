@@ -11,6 +11,7 @@ from geodesic_motion_ros.nodes.parameters import Value
 from geodesic_motion_ros.nodes.planner_outputs import PlannerOutputs
 from geodesic_motion_ros.nodes.skill_kinds import SkillKind, planner_settings
 from geodesic_motion_ros.nodes.stream_cycle import CycleOutput, Pose
+from geodesic_motion_ros.planning.settings import CHANGEABLE
 from geodesic_motion_ros.planning.status import Verdict, VerdictCode
 from geodesic_motion_ros.skill.skill import Skill
 from geodesic_motion_ros.studies.paper.paper_cycle import PaperCycle, PaperJointCycle, PaperPoseCycle
@@ -34,6 +35,7 @@ class PaperKind(SkillKind):
         common = self.planner, values["state_timeout"], values["resume_timeout"]
         offsets = values["maximum_offset"], values["maximum_offset_angle"]
         self._of_joints = skill.space == "joint"
+        self.fixed = {name: values[name] for name in CHANGEABLE}
         self.cycle: PaperCycle
         if self._of_joints:
             self.command_topic, self.subject = "joint_trajectory", "the whole arm, by the paper's planner"
