@@ -12,7 +12,7 @@ from collections.abc import Iterable, Sequence
 from typing import Protocol
 
 from geodesic_motion_ros.cli import demo, demonstrate, goal, guide, inspect, robot, train
-from geodesic_motion_ros.cli.arguments import HelpFormatter
+from geodesic_motion_ros.cli.arguments import HelpFormatter, needing
 from geodesic_motion_ros.planning.kernels import compile_kernels
 from geodesic_motion_ros.utils.errors import GeodesicMotionError
 from geodesic_motion_ros.utils.piped_output import until_reader_leaves
@@ -64,7 +64,8 @@ def build_parser(
 
 
 def main(argv: Sequence[str] | None = None, parser: argparse.ArgumentParser | None = None) -> int:
-    """Run a command; returns the exit status. argparse leaves by SystemExit on a wrong command line and on --help.
+    """Run a command; returns the exit status. argparse leaves by SystemExit on a wrong command line and on --help, an
+    interrupt by KeyboardInterrupt.
 
     parser : by default that of the product's commands.
     """
@@ -75,10 +76,8 @@ def _run(argv: Sequence[str] | None, parser: argparse.ArgumentParser | None) -> 
     try:
         arguments = (parser or build_parser()).parse_args(argv)
         compile_kernels()
-        return arguments.run(arguments) or 0
+        with needing(f"'{arguments.command}' needs"):
+            return arguments.run(arguments) or 0
     except GeodesicMotionError as error:
         print(f"geodesic-motion: {' '.join(str(error).split())}", file=sys.stderr)
         return 2
-    except KeyboardInterrupt:
-        print("geodesic-motion: interrupted", file=sys.stderr)
-        return 130

@@ -38,13 +38,26 @@ RECORDING_OPTIONS = {"task": ("units", "columns"), "joint": ()}
 _RECORDINGS = {"task": "recordings of the tool", "joint": "recordings of joints"}
 
 
+#: The extra of the package that brings a library.
+_EXTRAS = {
+    "torch": "learn", "pytorch_kinematics": "learn", "pybullet": "simulation", "pybullet_data": "simulation",
+    "movement_primitives": "peers", "pytransform3d": "peers",
+}  # fmt: skip
+
+
 @contextmanager
-def needing(what: str, remedy: str) -> Iterator[None]:
-    """Imports of what may not be installed: what needs it, and what to do then, is stated in one line."""
+def needing(what: str, remedy: str = "") -> Iterator[None]:
+    """State in one line what needs a library that is not installed, and what to do then.
+
+    remedy : "": to install the extra that brings it; what no extra brings is raised as it is.
+    """
     try:
         yield
     except ModuleNotFoundError as error:
-        if error.name and error.name.startswith("geodesic_motion_ros"):
+        extra = _EXTRAS.get((error.name or "").partition(".")[0])
+        if extra is not None:
+            remedy = remedy or f"pip install 'geodesic_motion_ros[{extra}]'"
+        if not remedy or (error.name and error.name.startswith("geodesic_motion_ros")):
             raise
         raise GeodesicMotionError(f"{what} {error.name}, which is not installed: {remedy}") from error
 

@@ -19,6 +19,7 @@ from typing import NamedTuple
 import numba
 import numpy as np
 
+from geodesic_motion_ros.utils.checked_numbers import real_array
 from geodesic_motion_ros.utils.errors import PlanningError
 
 #: Distances are computed up to here [m].
@@ -62,7 +63,7 @@ class DistanceField(NamedTuple):
         ------
         PlanningError : a number is not finite, or edge, radius or thickness not positive.
         """
-        points = np.ascontiguousarray(points, dtype=float).reshape(-1, 3)
+        points = np.ascontiguousarray(real_array("points of a cloud", points, ("n", 3)))
         if not np.all(np.isfinite(points)):
             raise PlanningError("points of a cloud must be finite")
         if not all(math.isfinite(value) and value > 0.0 for value in (edge, radius, thickness)):

@@ -33,7 +33,7 @@ def pose_deviation(measured: Pose, commanded: Pose, distance: float, angle: floa
 def pose_moved(measured: Pose, before: Pose) -> bool:
     """Whether an arm whose tool should rest has moved."""
     moved = float(np.linalg.norm(measured[0] - before[0]))
-    return moved > REST_DISTANCE or float(angle_between(measured[1], before[1])) > REST_ANGLE
+    return not (moved <= REST_DISTANCE and float(angle_between(measured[1], before[1])) <= REST_ANGLE)
 
 
 def joint_deviation(
@@ -49,4 +49,4 @@ def joint_deviation(
 
 def joints_moved(measured: np.ndarray, before: np.ndarray) -> bool:
     """Whether an arm that should rest has moved."""
-    return bool(np.max(np.abs(measured - before)) > REST_JOINT)
+    return not bool(np.max(np.abs(measured - before)) <= REST_JOINT)

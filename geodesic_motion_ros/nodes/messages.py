@@ -137,7 +137,7 @@ def check_limits(joints: np.ndarray, robot: Robot, places: np.ndarray | slice = 
     places : (k,) of these joints among the robot's; by default they are all of them.
     """
     names, lower, upper = np.array(robot.joint_names)[places], robot.lower[places], robot.upper[places]
-    outside = (joints < lower - LIMIT_TOLERANCE) | (joints > upper + LIMIT_TOLERANCE)
+    outside = ~((joints >= lower - LIMIT_TOLERANCE) & (joints <= upper + LIMIT_TOLERANCE))
     if np.any(outside):
         beyond = ", ".join(
             f"{names[i]} at {joints[i]:.3f} (limits {lower[i]:.3f} to {upper[i]:.3f})" for i in np.flatnonzero(outside)

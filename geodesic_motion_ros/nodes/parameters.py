@@ -236,6 +236,8 @@ class NodeParameters:
 
     def _judge(self, changes: Sequence[RosParameter]) -> SetParametersResult:
         try:
+            if not all(change.name for change in changes):
+                raise ParameterError(f"a parameter without a name does not exist; known: {', '.join(self._table)}")
             for change in changes:
                 if change.name in self._table:
                     self._table[change.name].check(_plain(change.value))

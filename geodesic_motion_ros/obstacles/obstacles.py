@@ -8,12 +8,19 @@ from functools import cached_property
 import numpy as np
 
 from geodesic_motion_ros.geometry.distance_field import DistanceField, field_distances
-from geodesic_motion_ros.geometry.shapes import no_solids, solid_distances, solid_rows, solids_moved
+from geodesic_motion_ros.geometry.shapes import NUMBERS, no_solids, solid_distances, solid_rows, solids_moved
+from geodesic_motion_ros.utils.checked_numbers import check_time
+from geodesic_motion_ros.utils.errors import PlanningError
 
 #: Nothing that an arm has to do with is farther away or larger [m], has turned further [rad], or is faster [m/s].
 LARGEST_NUMBER = 1000.0
 #: How far a rotation of a solid may be from one.
 _ROTATION_TOLERANCE = 1e-6
+#: What each array has of one obstacle.
+_SHAPES = {
+    "centres": (3,), "radii": (), "velocities": (3,), "ages": (), "velocity_errors": (),
+    "solids": (NUMBERS,), "solid_velocities": (3,), "solid_ages": (), "solid_velocity_errors": (),
+}  # fmt: skip
 
 
 @dataclass(frozen=True, eq=False)
@@ -108,7 +115,21 @@ class Obstacles:
         return self._only(np.all(spheres, axis=0), np.array(solids, dtype=bool), cloud)
 
     def objection(self) -> str:
-        """What is wrong with the first obstacle that is not one, or ''."""
+        """What is wrong with the time, a shape, or the first obstacle that is not one; or ''."""
+        try:
+            check_time("time of the obstacles", self.time)
+        except PlanningError as error:
+            return str(error)
+        spheres, solids = len(self.radii), len(self.solids)
+        for name, shape in _SHAPES.items():
+            array, count = getattr(self, name), solids if name.startswith("solid") else spheres
+            if not isinstance(array, np.ndarray) or array.dtype.kind not in "iuf" or array.shape != (count, *shape):
+                found = f"shape {array.shape}" if isinstance(array, np.ndarray) else type(array).__name__
+                return f"{name} of {count} obstacles have {found}: expected {(count, *shape)}, as many of each"
+        if not isinstance(self.cloud, DistanceField):
+            return f"the cloud is {self.cloud!r:.60}: a DistanceField is needed"
+        if not np.all(np.isfinite(np.concatenate([self.ages, self.solid_ages]))):
+            return "ages of obstacles must be finite"
         good = np.all((np.abs(self.centres) <= LARGEST_NUMBER) & (np.abs(self.velocities) <= LARGEST_NUMBER), axis=1)
         good &= (self.radii > 0.0) & (self.radii <= LARGEST_NUMBER) & _are_errors(self.velocity_errors)
         if not good.all():

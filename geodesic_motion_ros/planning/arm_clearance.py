@@ -41,6 +41,6 @@ def obstacle_clearance(
         distances = np.minimum(distances, field_distances(placed, *obstacles.cloud))
     distances -= model.radii[model.moving]
     nearest = int(np.argmin(distances))
-    if not np.isfinite(distances[nearest]):
+    if distances[nearest] == np.inf:
         return np.inf, -1
     return float(distances[nearest]), int(np.flatnonzero(model.moving)[nearest])

@@ -201,9 +201,11 @@ class ArmCertifier:
         spheres = self.swept_spheres(reference)
         placed, bulges = spheres.placed, spheres.bulges
         scene, _ = clearances_in_motion(spheres.times, placed, bulges, self._radii, self._moving, self._standing, 0.0)
-        return SweptArm(
-            spheres.times, placed, bulges, *self_clearances(placed, bulges, self._radii, self._pairs), scene
-        )
+        itself, pair = self_clearances(placed, bulges, self._radii, self._pairs)
+        if not reference.is_finite:
+            # What is at no place is near nothing that a kernel would find.
+            itself = np.full_like(itself, np.nan)
+        return SweptArm(spheres.times, placed, bulges, itself, pair, scene)
 
     def swept_spheres(self, reference: JointReference) -> SweptSpheres:
         """Where a reference takes the arm's spheres."""
@@ -241,7 +243,7 @@ class ArmCertifier:
 
     def _entered(self, swept: SweptArm) -> str:
         """The link and the part of the scene that meet first; "" where none do."""
-        inside = np.flatnonzero(swept.scene_clearance < 0.0)
+        inside = np.flatnonzero(~(swept.scene_clearance >= 0.0))
         if not len(inside):
             return ""
         moving = self._moving
@@ -250,19 +252,22 @@ class ArmCertifier:
 
     def objection(self, certificate: Certificate, margin: float = 0.0) -> str | None:
         """Why a reference must not be followed, naming the link; None where it is certified: it keeps `margin` [m] from
-        obstacles, and the arm touches neither itself nor the declared scene.
+        obstacles, and the arm touches neither itself nor the declared scene. A clearance that is no number keeps
+        nothing.
         """
         i, j = int(np.argmin(certificate.clearance)), int(np.argmin(certificate.self_clearance))
-        if certificate.clearance[i] < margin:
+        if not certificate.clearance[i] >= margin:
             return (
                 f"'{self._link(certificate.sphere[i])}' {nearness(certificate.clearance[i])} "
                 f"after {max(0.0, certificate.times[i]):.2f} s; {margin:.3f} m are to be kept"
             )
-        if certificate.self_clearance[j] < 0.0:
+        if np.isnan(certificate.self_clearance[j]):
+            return "the motion is not finite: nothing is known of it"
+        if not certificate.self_clearance[j] >= 0.0:
             first, second = (self._link(sphere) for sphere in self._pairs[certificate.pair[j]])
             return f"'{first}' and '{second}' touch after {max(0.0, certificate.times[j]):.2f} s"
         if certificate.entered:
-            begin = certificate.times[int(np.argmax(certificate.scene_clearance < 0.0))]
+            begin = certificate.times[int(np.argmin(certificate.scene_clearance >= 0.0))]
             return f"{certificate.entered} of the scene after {max(0.0, begin):.2f} s"
         return None
 
@@ -277,9 +282,9 @@ class ArmCertifier:
 
     def first_objection(self, certificate: Certificate, margin: float = 0.0) -> float | None:
         """When [s] the first violation begins to which `objection` objects; None where it objects to none."""
-        bad = (certificate.clearance < margin) | (certificate.self_clearance < 0.0)
-        bad |= certificate.scene_clearance < 0.0
-        return max(0.0, float(certificate.times[int(np.argmax(bad))])) if np.any(bad) else None
+        good = (certificate.clearance >= margin) & (certificate.self_clearance >= 0.0)
+        good &= certificate.scene_clearance >= 0.0
+        return None if np.all(good) else max(0.0, float(certificate.times[int(np.argmin(good))]))
 
     def _link(self, sphere: int) -> str:
         return self._names[sphere]

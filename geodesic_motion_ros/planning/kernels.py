@@ -30,6 +30,8 @@ from geodesic_motion_ros.utils.cache import PACKAGE, cache_folder, machine
 LIST = Path(__file__).with_name("kernels.json")
 #: More processes gain nothing: what remains is one kernel that takes a third of all the time.
 _MOST_PROCESSES = 4
+#: The option of this interpreter, for workers.
+_OPTIMIZED = [f"-{'O' * sys.flags.optimize}"] if sys.flags.optimize else []
 #: Between two lines about the progress [s].
 _SAID_EVERY = 1.0
 
@@ -48,7 +50,8 @@ def compile_kernels(report: Callable[[str], None] = say) -> None:
     folder, mark = cache_folder(), _fingerprint()
     if folder is None:
         return
-    finished = folder / "kernels.finished"
+    # numba keeps what each level of optimization compiles: the bytecode differs.
+    finished = folder / f"kernels.finished{sys.flags.optimize or ''}"
     if _is_finished(finished, mark):
         return
     with _locked(folder / "kernels.lock", report):
@@ -145,7 +148,7 @@ def _worker(turns: Path) -> Iterator[subprocess.Popen[bytes]]:
     wake no selector.
     """
     worker = subprocess.Popen(
-        [sys.executable, "-m", f"{__package__}.kernel_worker", str(os.getpid()), str(turns)],
+        [sys.executable, *_OPTIMIZED, "-m", f"{__package__}.kernel_worker", str(os.getpid()), str(turns)],
         stdin=subprocess.PIPE, stdout=subprocess.PIPE, bufsize=0, start_new_session=True,
     )  # fmt: skip
     try:

@@ -17,14 +17,13 @@ import math
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
-from numbers import Real
 
 import numpy as np
 
 from geodesic_motion_ros.geometry.task_frame import TaskFrame
 from geodesic_motion_ros.manifold.configuration_graph import ConfigurationGraph
 from geodesic_motion_ros.manifold.pose_graph import PoseGraph
-from geodesic_motion_ros.obstacles.obstacles import Obstacles
+from geodesic_motion_ros.obstacles.obstacles import LARGEST_NUMBER, Obstacles
 from geodesic_motion_ros.planning import settings as constants
 from geodesic_motion_ros.planning.attempt_memory import AttemptMemory, DetourSearch
 from geodesic_motion_ros.planning.certificate import JudgedTrajectory
@@ -52,6 +51,7 @@ from geodesic_motion_ros.robot.limits import JointLimits
 from geodesic_motion_ros.skill.skill import Skill
 from geodesic_motion_ros.trajectory.timing import load_references
 from geodesic_motion_ros.trajectory.trajectory import JointReference
+from geodesic_motion_ros.utils.checked_numbers import check_number, check_time, real_array
 from geodesic_motion_ros.utils.deadline import NEVER, Deadline
 from geodesic_motion_ros.utils.errors import PlanningError, RobotError
 
@@ -254,13 +254,14 @@ class ReactivePlanner:
     ) -> Verdict:
         """Replace all obstacles by spheres, centres (o, 3), radii (o,) [m] and velocities (o, 3) [m/s] at `time` [s].
 
-        BAD_INPUT names the first obstacle that is not finite or has no positive radius; then the old ones stay.
+        BAD_INPUT names what has another shape, the first obstacle that is not finite or has no positive radius, or a
+        time that is none; then the old ones stay.
         """
-        centres, radii = np.array(centres, dtype=float).reshape(-1, 3), np.array(radii, dtype=float).reshape(-1)
-        velocities = np.zeros_like(centres) if velocities is None else np.array(velocities, dtype=float).reshape(-1, 3)
-        if not len(centres) == len(radii) == len(velocities):
-            reason = f"{len(centres)} obstacle centres, {len(radii)} radii, {len(velocities)} velocities"
-            return Verdict(VerdictCode.BAD_INPUT, f"{reason}: expected as many of each")
+        try:
+            centres, radii = real_array("obstacle centres", centres, ("o", 3)), real_array("radii", radii, ("o",))
+            velocities = None if velocities is None else real_array("obstacle velocities", velocities, ("o", 3))
+        except PlanningError as error:
+            return Verdict(VerdictCode.BAD_INPUT, str(error))
         return self.take_obstacles(Obstacles.of_spheres(centres, radii, velocities, time))
 
     @property
@@ -287,7 +288,11 @@ class ReactivePlanner:
     def set_tracking(self, tracking: Tracking) -> None:
         """Say how the arm follows its commands: from now on certificates hold for an arm that is late by up to that
         lag, and off its path by up to that error. Both are rounded up, to `LAG_STEP` and `TRACKING_ERROR_STEP`.
+
+        PlanningError where one of them is not finite.
         """
+        check_number("lag [s]", tracking.lag, -LARGEST_NUMBER, LARGEST_NUMBER)
+        check_number("tracking error [m]", tracking.error, -LARGEST_NUMBER, LARGEST_NUMBER)
         rounded = tracking.rounded_up()
         if rounded != self._inputs.tracking:
             self._inputs = replace(self._inputs, tracking=rounded)
@@ -298,9 +303,10 @@ class ReactivePlanner:
         BAD_INPUT where that is negative, not finite or more than `LARGEST_DETOUR`, or more than 0 where no scene was
         declared; then nothing changes.
         """
-        if not 0.0 <= reach <= constants.LARGEST_DETOUR:
-            reason = f"detour {reach} m: it must be from 0 to {constants.LARGEST_DETOUR} m"
-            return Verdict(VerdictCode.BAD_INPUT, reason)
+        try:
+            check_number("detour [m]", reach, 0.0, constants.LARGEST_DETOUR)
+        except PlanningError as error:
+            return Verdict(VerdictCode.BAD_INPUT, str(error))
         if reach > 0.0 and not self.may_detour:
             return Verdict(VerdictCode.BAD_INPUT, f"detour {reach} m: it is not known what stands around the arm")
         self._reach = float(reach)
@@ -383,9 +389,12 @@ class ReactivePlanner:
     def stand_at(self, configuration: np.ndarray, now: float) -> Plan:
         """Begin the stream anew: the arm stands in a configuration (eta,) [rad] at `now` [s]. The goal stays.
 
-        The plan's reference stays there. BAD_INPUT names the joint that is not finite or outside its limits; then
-        nothing changes.
+        The plan's reference stays there. BAD_INPUT names the joint that is not finite or outside its limits, or a time
+        that is none; then nothing changes.
         """
+        refused = self._refused(now)
+        if refused is not None:
+            return refused
         configuration, reason = self._checked("state", configuration)
         if configuration is None:
             return Plan(None, now, Verdict(VerdictCode.BAD_INPUT, reason))
@@ -403,6 +412,18 @@ class ReactivePlanner:
         certificate = certifier.certify(reference, self._inputs.enlarged.at(begin, prediction), prediction)
         return certifier.judged(reference, certificate)
 
+    def _refused(self, now: float, *deadlines: Deadline) -> Plan | None:
+        """Refuse a time [s] that is none, and what is no deadline: the arm plays on what it plays."""
+        try:
+            check_time("now", now)
+            for deadline in deadlines:
+                if not isinstance(deadline, Deadline):
+                    raise PlanningError(f"the deadline is {deadline!r:.60}: a Deadline is needed, or NEVER")
+        except PlanningError as error:
+            verdict = Verdict(VerdictCode.BAD_INPUT, str(error))
+            return Plan(None, self._ticked, verdict, mode=Mode.standing(verdict))
+        return None
+
     def _checked(self, what: str, configuration: np.ndarray) -> tuple[np.ndarray | None, str]:
         try:
             checked = self.robot.checked(configuration)
@@ -415,20 +436,26 @@ class ReactivePlanner:
     # ------------------------------------------------------------- planning
 
     def commanded(self, time: float) -> tuple[np.ndarray, np.ndarray, np.ndarray] | None:
-        """Position, velocity and acceleration (eta,) played at `time` [s]; None before the first `stand_at`."""
+        """Position, velocity and acceleration (eta,) played at `time` [s]; None before the first `stand_at`.
+
+        PlanningError where that is no time.
+        """
+        check_time("time", time)
         return self._stream.commanded(time)
 
     def playing(self, now: float) -> tuple[JointReference, float] | None:
         """The rest of the motion that is being played, from its last knot at or before `now` [s] on, and the time of
-        that knot; None where no motion is known, or it is over.
+        that knot; None where no motion is known, or it is over. PlanningError where `now` is no time.
         """
+        check_time("now", now)
         return self._stream.playing(now)
 
     def braked(self, reference: JointReference, begin: float, verdict: Verdict) -> None:
         """Record that the arm fell back to the stop at the end of what was sent: a reference that begins at a time [s].
 
-        verdict : why. The next tick plans on from that stop.
+        verdict : why. The next tick plans on from that stop. PlanningError where `begin` is no time.
         """
+        check_time("begin", begin)
         self._stream.braked(self._judged(reference, begin), begin, verdict)
 
     def to_goal(self) -> tuple[JointReference, float] | None:
@@ -443,9 +470,12 @@ class ReactivePlanner:
         - `deadline` left no time for every attempt: the arm stops along its path, and the next ticks make the others;
         - `handover_deadline` had passed when a trajectory was found, which would take over in the past: a path that is
           still free, to the goal or evading, stays. Without one the plan has no trajectory, and `stop` is to be called.
+
+        BAD_INPUT names a time that is none, or a deadline; then nothing changes, and the arm plays on what it plays.
         """
-        if not isinstance(now, Real):
-            raise PlanningError("tick(position, quaternion) is no more: stand_at(q, now) once, then tick(now)")
+        refused = self._refused(now, deadline, handover_deadline)
+        if refused is not None:
+            return refused
         self._ticked = now
         situation = self._situation(now, handover_deadline, deadline)
         if situation is None:
@@ -457,7 +487,10 @@ class ReactivePlanner:
         return self._commit(situation, mission, Decider(self._arm, situation, mission, self._memory).decide())
 
     def stop(self, now: float, verdict: Verdict, handover_deadline: Deadline = NEVER) -> Plan:
-        """Come to rest along the path that is followed, for a reason; handover_deadline : as of `tick`."""
+        """Come to rest along the path that is followed, for a reason; handover_deadline, BAD_INPUT : as of `tick`."""
+        refused = self._refused(now, handover_deadline)
+        if refused is not None:
+            return refused
         situation = self._situation(now, handover_deadline)
         if situation is None:
             return Plan(None, now, verdict, mode=Mode.standing(verdict))

@@ -100,10 +100,10 @@ class PosePathPlanner:
             return query
         obstacles = self._obstacles if self.settings.avoidance else Obstacles.none()
         here, there = (self._clearance_at(pose, obstacles) for pose in (query.start, query.goal))
-        if here <= 0.0:
+        if not here > 0.0:
             reason = f"the tool overlaps an obstacle by {-1000 * here:.0f} mm where it stands"
             return Verdict(VerdictCode.IN_COLLISION, reason, clearance=here, **query.misfits)
-        if there <= 0.0:
+        if not there > 0.0:
             reason = f"an obstacle covers the goal by {-1000 * there:.0f} mm"
             return Verdict(VerdictCode.NO_FEASIBLE_PATH, reason, **query.misfits)
         return self._searched(query, evaluation_of(query, obstacles, self.settings), min(here, there))
@@ -157,7 +157,7 @@ class PosePathPlanner:
         curve = PoseCurve(*correct_ends(path.positions, path.quaternions, start, goal))
         nearest = self._clearance_along(curve)
         objection = None
-        if self.settings.avoidance and nearest <= 0.0:
+        if self.settings.avoidance and not nearest > 0.0:
             objection = f"the best path {nearness(nearest)}"
         verdict = path_verdict(self.skill, self.graph, query, path.sigma, found, nearest, correction, objection)
         if not verdict.ok:

@@ -33,6 +33,8 @@ from geodesic_motion_ros.planning.transported_query import (
 )
 from geodesic_motion_ros.skill.sheet import POSE_SCALE, beyond_demonstrated
 from geodesic_motion_ros.skill.skill import ENDPOINT_MULTIPLE, Skill
+from geodesic_motion_ros.utils.checked_numbers import real_array
+from geodesic_motion_ros.utils.errors import PlanningError
 
 
 @dataclass(frozen=True)
@@ -45,12 +47,11 @@ class Pose:
 
 def checked_pose(end: str, position: np.ndarray, quaternion: np.ndarray) -> tuple[Pose | None, str]:
     """A pose with a unit quaternion, or None and what is wrong with it: numbers up to LARGEST_NUMBER are expected."""
-    position, quaternion = np.array(position, dtype=float), np.array(quaternion, dtype=float)
-    if position.shape != (3,) or quaternion.shape != (4,):
-        return None, (
-            f"{end} has position of shape {position.shape} and quaternion of shape {quaternion.shape}: "
-            "expected (3,) and (4,)"
-        )
+    try:
+        position = real_array(f"{end} position", position, (3,))
+        quaternion = real_array(f"{end} quaternion", quaternion, (4,))
+    except PlanningError as error:
+        return None, str(error)
     if not np.all(np.abs(np.append(position, quaternion)) <= LARGEST_NUMBER):
         numbers = f"{end} position {position.tolist()}, quaternion {quaternion.tolist()}"
         return None, f"{numbers}: must be finite, at most {LARGEST_NUMBER:g}"

@@ -9,12 +9,15 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, fields, replace
+from numbers import Integral, Real
 from typing import ClassVar, Literal, NamedTuple, get_args
 
 import numpy as np
 
 from geodesic_motion_ros.manifold.ambient_law import LAWS, AmbientLaw
+from geodesic_motion_ros.obstacles.obstacles import LARGEST_NUMBER
 from geodesic_motion_ros.trajectory.tool_limits import ToolLimits
+from geodesic_motion_ros.utils.checked_numbers import check_number, real_array
 from geodesic_motion_ros.utils.errors import PlanningError
 
 # ------------------------------------------------------------------ clearance of moving obstacles
@@ -274,11 +277,13 @@ class PlannerSettings:
     def __post_init__(self) -> None:
         self._check_choices()
         self._check_tool()
-        # A whole number is a number too; the grid judges its own settings.
-        numbers = {field.name: getattr(self, field.name) for field in fields(self)}
-        for name, value in numbers.items():
-            if isinstance(value, int | float) and not isinstance(value, bool):
-                self._check_number(name, value)
+        for field in fields(self):
+            name, value = f"setting {field.name}", getattr(self, field.name)
+            if field.type == "bool" and not isinstance(value, bool):
+                raise PlanningError(f"{name} is {value!r:.60}, must be True or False")
+            if field.type == "float" or (field.type == "float | None" and value is not None):
+                self._check_number(field.name, value)
+        self._check_grid()
 
     def _check_choices(self) -> None:
         for name, choices in (("ambient_law", LAWS), ("avoid", get_args(Avoid)), ("unseen", get_args(Unseen))):
@@ -286,20 +291,35 @@ class PlannerSettings:
                 raise PlanningError(f"setting {name} is '{getattr(self, name)}', must be one of {', '.join(choices)}")
 
     def _check_tool(self) -> None:
-        if len(self.tool_points) != len(self.tool_radii) or not self.tool_points:
+        points = real_array("setting tool_points", self.tool_points, ("K", 3))
+        radii = real_array("setting tool_radii", self.tool_radii, ("K",))
+        if len(points) != len(radii) or not len(points):
             raise PlanningError(
-                f"{len(self.tool_points)} tool points and {len(self.tool_radii)} tool radii: "
+                f"{len(points)} tool points and {len(radii)} tool radii: "
                 "give one radius per point, and at least one"
             )
-        if np.shape(self.tool_points)[1:] != (3,) or not np.all(np.isfinite(self.tool_points)):
+        if not np.all(np.isfinite(points)):
             raise PlanningError("tool_points must be finite (x, y, z) triples in the tool frame [m]")
-        if not all(math.isfinite(radius) and radius >= 0.0 for radius in self.tool_radii):
-            raise PlanningError(f"tool radii {self.tool_radii} must be finite and not negative [m]")
+        for radius in radii:
+            check_number("tool radius [m]", radius, 0.0, LARGEST_NUMBER)
 
-    def _check_number(self, name: str, value: float) -> None:
+    def _check_grid(self) -> None:
+        shape, neighbours = self.grid_shape, self.neighbours
+        if shape is not None and not (isinstance(shape, tuple | list) and all(_is_whole(side, 2) for side in shape)):
+            raise PlanningError(f"setting grid_shape is {shape!r:.60}, must be whole numbers from 2 on, or None")
+        if neighbours is not None and not _is_whole(neighbours, 1):
+            raise PlanningError(f"setting neighbours is {neighbours!r:.60}, must be a positive whole number, or None")
+
+    def _check_number(self, name: str, value: object) -> None:
+        if isinstance(value, bool) or not isinstance(value, Real):
+            raise PlanningError(f"setting {name} is {value!r:.60}, must be a real number")
         allowed = value >= 0.0 if name in self.may_be_zero else value > 0.0
-        if name == "detour" and value > LARGEST_DETOUR:
+        if name == "detour" and not value <= LARGEST_DETOUR:
             raise PlanningError(f"setting detour is {value} m, must be at most {LARGEST_DETOUR} m")
         if not (allowed and math.isfinite(value)):
             wanted = "0 or positive" if name in self.may_be_zero else "positive"
             raise PlanningError(f"setting {name} is {value}, must be finite and {wanted}")
+
+
+def _is_whole(value: object, lowest: int) -> bool:
+    return isinstance(value, Integral) and not isinstance(value, bool) and value >= lowest

@@ -339,7 +339,8 @@ class Solver:
         from_moving = kept * constants.DYNAMIC_MARGIN_FACTOR / constants.APPROACH_MARGIN_FACTOR
         margin = 0.0 if obstacles.is_static else from_moving
         placed = self.collision.positions(self.robot, curve)
-        end, left = int(np.argmax(np.append(self.certifier.between(placed, swept) < kept, True))), _lengths_left(placed)
+        free = self.certifier.between(placed, swept) >= kept
+        end, left = int(np.argmin(np.append(free, False))), _lengths_left(placed)
         for _ in range(1 + constants.APPROACH_CUTS):
             if end < 1 or left[end] > min(remaining, left[0]) - constants.APPROACH_GAIN:
                 return None
@@ -401,7 +402,7 @@ class Solver:
         alone. A goal in which the arm touches itself is refused before.
         """
         itself, (one, other) = self_clearance(self.collision, self.robot, state.position)
-        if itself < 0.0:
+        if not itself >= 0.0:
             names = f"'{self.collision.link_of(one)}' and '{self.collision.link_of(other)}'"
             reason = f"{names} overlap by {-1000 * itself:.1f} mm where the arm stands"
             return Verdict(VerdictCode.IN_COLLISION, reason, **query.misfits)
@@ -414,7 +415,7 @@ class Solver:
         ):
             clearance, sphere = obstacle_clearance(self.collision, self.robot, configuration, there)
             reason = self._entered_scene(configuration)
-            if clearance <= 0.0:
+            if not clearance > 0.0:
                 reason = f"'{self.collision.link_of(sphere)}' overlaps an obstacle by {-1000 * clearance:.0f} mm"
             if reason:
                 verdict = Verdict(
@@ -440,7 +441,7 @@ class Solver:
         placed = self.collision.positions(self.robot, configuration[None])[0, moving]
         clearance, part, sphere = self.scene.nearest(placed, self.collision.radii[moving])
         link = self.collision.link_of(int(moving[sphere]))
-        return f"'{link}' is {-1000 * clearance:.0f} mm inside '{part}' of the scene" if clearance <= 0.0 else ""
+        return f"'{link}' is {-1000 * clearance:.0f} mm inside '{part}' of the scene" if not clearance > 0.0 else ""
 
     def _certified(
         self,

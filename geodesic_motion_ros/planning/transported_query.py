@@ -80,7 +80,7 @@ def edges_in_scene(
     clearances = scene.clearances(body.spheres, body.sphere_radii)
     at_goal = float(clearances[goal_node])
     kept = min(margin, 0.5 * float(clearances[start_node]), 0.5 * at_goal if at_goal > 0.0 else at_goal)
-    return np.any((clearances < kept)[graph.edges], axis=1)
+    return ~np.all((clearances >= kept)[graph.edges], axis=1)
 
 
 class TransportedQueryBuilder:

@@ -59,6 +59,8 @@ class HeldObject:
                 raise RobotError(f"held object '{self.name}': {name} are to be a few numbers ({error})") from error
         if not self.name:
             raise RobotError("a held object has no name: it is attached and detached by it")
+        if not isinstance(self.name, str):
+            raise RobotError(f"a held object has the name {self.name!r:.60}: a text is needed")
         subject = f"held object '{self.name}'"
         if self.shape not in SHAPES:
             raise RobotError(f"{subject} has the shape {self.shape!r}: expected one of {', '.join(SHAPES)}")
@@ -106,13 +108,19 @@ def check_held(objects: Sequence[HeldObject], robot: Robot) -> None:
 
     Raises
     ------
-    RobotError : two of them have one name; one is larger than the arm; they take too many spheres.
+    RobotError : one is no HeldObject; two of them have one name; one is larger than the arm; they take too many
+        spheres.
     """
+    if isinstance(objects, str) or not isinstance(objects, Sequence):
+        raise RobotError(f"what the hand holds is {objects!r:.60}: a sequence of HeldObject is needed, () for nothing")
+    for held in objects:
+        if not isinstance(held, HeldObject):
+            raise RobotError(f"the hand is to hold {held!r:.60}: a HeldObject is needed")
     names = [held.name for held in objects]
     for held in objects:
         if names.count(held.name) > 1:
             raise RobotError(f"two held objects are called '{held.name}': each needs a name of its own")
-        if held.extent > robot.reach:
+        if not held.extent <= robot.reach:
             raise RobotError(
                 f"held object '{held.name}' reaches {held.extent:.2f} m from '{robot.tool_link}', and the whole arm "
                 f"{robot.reach:.2f} m: its dimensions and position are to be in metres, in the tool frame"

@@ -18,6 +18,7 @@ import numba
 import numpy as np
 
 from geodesic_motion_ros.robot.kinematics import CHAIN, MATRIX, VECTOR, Robot, contiguous, forward, jacobian
+from geodesic_motion_ros.utils.checked_numbers import real_array
 from geodesic_motion_ros.utils.errors import RobotError
 
 DAMPING = 0.1
@@ -154,11 +155,12 @@ def checked_pose(position: np.ndarray, quaternion: np.ndarray) -> tuple[np.ndarr
     ------
     RobotError : wrong shape, not finite, or a quaternion whose length is not near one.
     """
-    position, quaternion = np.array(position, dtype=float), np.array(quaternion, dtype=float)
-    if position.shape != (3,) or not np.all(np.isfinite(position)):
+    position = real_array("target position", position, (3,), RobotError)
+    quaternion = real_array("target quaternion", quaternion, (4,), RobotError)
+    if not np.all(np.isfinite(position)):
         raise RobotError(f"target position is {position.tolist()}: expected three finite numbers in metres")
     length = np.linalg.norm(quaternion)
-    if quaternion.shape != (4,) or not abs(length - 1.0) < 1e-2:
+    if not abs(length - 1.0) < 1e-2:
         raise RobotError(f"target quaternion is {quaternion.tolist()}: expected a unit quaternion (w, x, y, z)")
     return position, quaternion / length
 

@@ -14,6 +14,7 @@ import numpy as np
 
 from geodesic_motion_ros.robot.description import RobotDescription
 from geodesic_motion_ros.robot.urdf import read_chain, read_dynamic_limits, read_velocity_limits
+from geodesic_motion_ros.utils.checked_numbers import real_array
 from geodesic_motion_ros.utils.errors import RobotError
 
 # Written signatures: compiled at the first import, never in the middle of a run. All inputs are read only.
@@ -109,12 +110,8 @@ class Robot:
         ------
         RobotError : wrong number of joints, not finite, or outside the position limits (the joint is named).
         """
-        positions = np.array(joint_positions, dtype=float)
-        if positions.shape != (len(self.joint_names),):
-            raise RobotError(
-                f"joint positions have shape {positions.shape}: expected ({len(self.joint_names)},) "
-                f"for {', '.join(self.joint_names)}"
-            )
+        of_joints = f"positions of the joints {', '.join(self.joint_names)}"
+        positions = real_array(of_joints, joint_positions, (len(self.joint_names),), RobotError)
         inside = np.isfinite(positions) & (positions >= self.lower) & (positions <= self.upper)
         if not inside.all():
             worst = int(np.flatnonzero(~inside)[0])

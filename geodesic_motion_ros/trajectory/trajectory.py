@@ -52,6 +52,12 @@ class JointReference:
         """Time [s] until rest."""
         return float(self.times[-1])
 
+    @property
+    def is_finite(self) -> bool:
+        """Whether all its numbers are finite: kernels compare, and a comparison with NaN is false."""
+        knots = self.times, self.positions, self.velocities, self.accelerations
+        return all(np.all(np.isfinite(values)) for values in knots)
+
     def sample(self, time: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Position [rad], velocity [rad/s] and acceleration [rad/s^2] at `time` [s], (eta,) each; constant after it."""
         position, velocity, acceleration = self.samples(np.array([float(time)]))[:, 0]
@@ -103,9 +109,11 @@ class JointReference:
         return inside and bool(np.all(limit_ratio <= 1.0 + _ROUNDING))
 
     def measured(self, limits: JointLimits) -> tuple[bool, np.ndarray]:
-        """Whether position limits are kept, as of `keeps`, and `limit_ratio` (3, n - 1)."""
+        """Whether position limits are kept, as of `keeps`, and `limit_ratio` (3, n - 1); a motion that is not finite
+        keeps none.
+        """
         ends, largest = quintic_bounds(self.times, self.positions, self.velocities, self.accelerations)
-        inside = _inside(ends, self.positions[0], limits.lower, limits.upper)
+        inside = self.is_finite and _inside(ends, self.positions[0], limits.lower, limits.upper)
         return inside, _limit_ratio(largest, limits.velocity, limits.acceleration, limits.jerk)
 
 

@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from geodesic_motion_ros.cli.arguments import writable
+from geodesic_motion_ros.cli.arguments import needing, writable
 from geodesic_motion_ros.cli.inspect import describe
 from geodesic_motion_ros.planning.planner import ReactivePlanner
 from geodesic_motion_ros.planning.settings import PlannerSettings
@@ -67,6 +67,55 @@ def test_a_reader_that_has_seen_enough_is_no_error(command, statuses, unbuffered
     assert done.returncode in statuses
 
 
+@pytest.mark.parametrize("unbuffered", ["", "1"])
+@pytest.mark.parametrize(
+    ("command", "program"),
+    [(module("faults", "--list"), "__main__.py"), ([*node("twin"), "--help"], "-c")],
+    ids=["list", "twin"],
+)
+def test_a_full_disk_under_the_output_is_said_in_one_line(command, program, unbuffered) -> None:
+    with open("/dev/full", "w") as full:
+        done = subprocess.run(
+            command, cwd=REPOSITORY, stdout=full, stderr=subprocess.PIPE, text=True,
+            env=os.environ | {"PYTHONUNBUFFERED": unbuffered},
+        )  # fmt: skip
+    assert done.stderr == f"{program}: standard output cannot be written: No space left on device\n"
+    assert done.returncode == 2
+
+
+WITHOUT = """
+import sys
+sys.modules[sys.argv.pop(1)] = None
+from geodesic_motion_ros.__main__ import main
+sys.exit(main())
+"""
+
+
+@pytest.mark.parametrize(
+    ("library", "arguments", "extra"),
+    [
+        ("torch", ("train", "--demos", "{reach}", "--units", "cm", "--out", "{tmp}/skill"), "learn"),
+        ("pybullet", ("demonstrate", "reach-to-grasp", "--out", "{tmp}/reach.npz"), "simulation"),
+    ],
+)
+def test_a_library_that_is_not_installed_is_named_with_the_command_that_brings_it(
+    library, arguments, extra, recording, tmp_path
+) -> None:
+    given = [argument.format(reach=recording, tmp=tmp_path) for argument in arguments]
+    command = [sys.executable, "-c", WITHOUT, library, *given]
+    done = subprocess.run(command, cwd=REPOSITORY, capture_output=True, text=True)
+    said = f"geodesic-motion: '{given[0]}' needs {library}, which is not installed: "
+    assert done.stderr.splitlines()[-1] == f"{said}pip install 'geodesic_motion_ros[{extra}]'"
+    assert "Traceback" not in done.stderr
+    assert done.returncode == 2
+    assert list(tmp_path.glob("skill*")) == list(tmp_path.glob("reach.npz*")) == []
+
+
+def test_a_library_that_no_extra_brings_is_no_request_that_is_refused() -> None:
+    with pytest.raises(ModuleNotFoundError), needing("'this' needs"):
+        raise ModuleNotFoundError("No module named 'nothing'", name="nothing")
+
+
 def test_the_reason_of_an_error_is_stated_where_nobody_reads_the_output(tmp_path) -> None:
     reading, writing = os.pipe()
     os.close(reading)
@@ -81,9 +130,11 @@ def test_the_reason_of_an_error_is_stated_where_nobody_reads_the_output(tmp_path
 INTERRUPTED = """
 import os, signal, sys
 
+interrupting = sys.argv.pop(1)
+
 class Interrupter:
     def find_spec(self, name, path=None, target=None):
-        if name == "geodesic_motion_ros.cli":
+        if name == interrupting:
             os.kill(os.getpid(), signal.SIGINT)
         return None
 
@@ -93,8 +144,10 @@ sys.exit(main())
 """
 
 
-def test_an_interrupt_while_the_commands_load_ends_without_a_traceback() -> None:
-    done = subprocess.run([sys.executable, "-c", INTERRUPTED], cwd=REPOSITORY, capture_output=True, text=True)
+@pytest.mark.parametrize("library", ["geodesic_motion_ros.cli", "argparse", "numba"])
+def test_an_interrupt_while_the_commands_or_their_libraries_load_ends_without_a_traceback(library) -> None:
+    command = [sys.executable, "-c", INTERRUPTED, library, "inspect", "ur5_reach"]
+    done = subprocess.run(command, cwd=REPOSITORY, capture_output=True, text=True)
     assert (done.returncode, done.stdout, done.stderr) == (130, "", "geodesic-motion: interrupted\n")
 
 

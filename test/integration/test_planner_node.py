@@ -323,6 +323,7 @@ class TestParameters:
             assert node.cycle.state_timeout == 1.0
             node.set_parameters([Parameter("state_timeout", value=2.0)])
         assert not node.set_parameters([Parameter("state_timeout", value=11)])[0].successful
+        assert "without a name" in node.set_parameters([Parameter("", value=11)])[0].reason
 
     def test_what_cannot_change_is_refused(self, ready):
         assert not ready.planner.set_parameters([Parameter("prediction", value=2.0)])[0].successful

@@ -43,6 +43,28 @@ def test_a_scene_has_nothing_to_object_to():
 
 
 @pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        ({"time": np.nan}, "time of the obstacles [s] is nan"),
+        ({"time": np.inf}, "time of the obstacles [s] is inf"),
+        ({"time": 1.8e18}, "between -4e+09 and 4e+09"),
+        ({"time": "x"}, "time of the obstacles [s] is 'x': a real number is needed"),
+        ({"time": None}, "time of the obstacles [s] is None"),
+        ({"ages": np.array([0.0, np.nan, 0.0])}, "ages of obstacles must be finite"),
+        ({"solid_ages": np.array([0.0, np.inf])}, "ages of obstacles must be finite"),
+        ({"centres": np.zeros((2, 3))}, "centres of 3 obstacles have shape (2, 3): expected (3, 3)"),
+        ({"velocities": np.zeros((3, 4))}, "velocities of 3 obstacles have shape (3, 4): expected (3, 3)"),
+        ({"centres": [[0.0, 0.0, 0.0]] * 3}, "centres of 3 obstacles have list"),
+        ({"solid_velocities": np.zeros((3, 3))}, "solid_velocities of 2 obstacles have shape (3, 3)"),
+        ({"cloud": None}, "a DistanceField is needed"),
+    ],
+)
+def test_a_time_and_shapes_are_judged_too(change, said):
+    objection = replace(scene(), **change).objection()
+    assert said in objection
+
+
+@pytest.mark.parametrize(
     ("name", "index", "value", "said"),
     [
         ("centres", (1, 0), np.nan, "obstacle 1"),

@@ -341,6 +341,35 @@ def test_it_objects_by_name_and_only_with_reason():
     assert any(f"'{ROBOT.link_names[frame]}' and" in complaint for frame in FRAMES)
 
 
+@pytest.mark.parametrize(
+    ("name", "entered"), [("clearance", ""), ("self_clearance", ""), ("scene_clearance", "'hand' enters 'table'")]
+)
+def test_a_clearance_that_is_no_number_is_objected_to(name, entered):
+    reference, _ = scene(5)
+    certificate = CERTIFIER.certify(reference, Obstacles.none(), HORIZON)
+    assert CERTIFIER.objection(certificate) is CERTIFIER.first_objection(certificate) is None
+    values = getattr(certificate, name).copy()
+    values[7] = np.nan
+    unknown = replace(certificate, **{name: values}, entered=entered)
+    assert CERTIFIER.objection(unknown)
+    assert CERTIFIER.first_objection(unknown) == certificate.times[7]
+
+
+@pytest.mark.parametrize("name", ["times", "positions", "velocities", "accelerations"])
+def test_a_motion_that_is_not_finite_keeps_nothing(name):
+    """A comparison with NaN is false: no kernel finds how near it comes, or what limit it breaks."""
+    reference, obstacles = scene(5)
+    values = getattr(reference, name).copy()
+    values[9] = np.nan
+    unknown = replace(reference, **{name: values})
+    assert reference.keeps(LIMITS)
+    assert not unknown.keeps(LIMITS)
+    for there in (obstacles, Obstacles.none()):
+        certificate = CERTIFIER.certify(unknown, there, HORIZON)
+        assert CERTIFIER.objection(certificate, -1.0)
+        assert CERTIFIER.first_objection(certificate, -1.0) is not None
+
+
 def test_what_cannot_move_is_not_checked_against_obstacles_but_against_the_arm():
     reference, _ = scene(5)
     base = placed_at(reference, reference.times[[0]])[0, 0]

@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 from geodesic_motion_ros import ReactivePlanner, Skill
-from geodesic_motion_ros.utils.errors import PlanningError
 from geodesic_motion_ros.utils.moved import OLD_PATHS, PACKAGE
 
 
@@ -57,12 +56,6 @@ def test_a_path_that_never_was_is_not_found() -> None:
         import_module(f"{PACKAGE}.whatever")
     with pytest.raises(ImportError):
         from geodesic_motion_ros.skill import Whatever  # noqa: F401
-
-
-def test_a_tick_with_a_pose_names_the_new_call(planner: ReactivePlanner) -> None:
-    position, quaternion = np.split(planner.skill.start_pose, [3])
-    with pytest.raises(PlanningError, match=r"stand_at\(q, now\)"):
-        planner.tick(position, quaternion)
 
 
 def test_a_plan_has_the_poses_of_the_tool(planner: ReactivePlanner) -> None:

@@ -131,7 +131,7 @@ def run(arguments: argparse.Namespace) -> None:
     """Play what has not been played, print the tables, write the files."""
     from tqdm import tqdm
 
-    with needing("the benchmark needs", "pip install 'geodesic_motion_ros[simulation]'"):
+    with needing("the benchmark needs"):
         from geodesic_motion_ros.studies.comparison.catalogue import ROWS, chosen
         from geodesic_motion_ros.studies.comparison.families import check_families, families_of
         from geodesic_motion_ros.studies.comparison.figures import draw_clearances, draw_strip, draw_success
@@ -165,7 +165,7 @@ def run(arguments: argparse.Namespace) -> None:
         print(f"wrote {len(scenes)} scenes to {arguments.save_scenes}")
         return
     if settings.held_out:
-        with needing("--held-out trains skills, which needs", "pip install 'geodesic_motion_ros[learn]'"):
+        with needing("--held-out trains skills, which needs"):
             import_module("geodesic_motion_ros.learning.training")
     if arguments.methods is None and left_out:
         print(f"left out: {', '.join(left_out)}")

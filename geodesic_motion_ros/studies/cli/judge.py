@@ -44,7 +44,7 @@ def add_command(commands: argparse._SubParsersAction) -> None:
 
 def run(arguments: argparse.Namespace) -> None:
     """Judge all motions, print the table, write the figures."""
-    with needing("the judge needs", "pip install 'geodesic_motion_ros[simulation]'"):
+    with needing("the judge needs"):
         from geodesic_motion_ros.studies.comparison.motions import judged
         from geodesic_motion_ros.studies.comparison.report import Report
         from geodesic_motion_ros.studies.comparison.scene_file import SceneFile
