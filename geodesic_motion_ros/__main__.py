@@ -10,7 +10,8 @@ def main() -> int:
     """Run the command line of this process; returns the exit status.
 
     An interrupt ends it with one line and status 130. While the commands load, and after the last of them, it would
-    surface as a traceback from deep within a library: there it ends the process at once, for nothing was begun, or all is done.
+    surface as a traceback from deep within a library: there it ends the process at once, for nothing was begun, or all
+    is done.
     """
     before = signal.signal(signal.SIGINT, _end)
     from geodesic_motion_ros.studies.cli import main as run
