@@ -32,10 +32,23 @@ from geodesic_motion_ros.robot.held_objects import HeldObject, check_held
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.utils.errors import RobotError
 
+_CLOUD = "which is not taken: publish its centres as a cloud on obstacle_cloud, as octomap does"
+#: Types that show bodies but are not taken.
+_OTHERS = {
+    Marker.ARROW: "an arrow, or no type was set",
+    Marker.MESH_RESOURCE: "a mesh, which is not taken",
+    Marker.TRIANGLE_LIST: "triangles, which are not taken",
+    Marker.LINE_STRIP: "a line, which is not taken",
+    Marker.LINE_LIST: "lines, which are not taken",
+    Marker.CUBE_LIST: f"a list of cubes, {_CLOUD}",
+    Marker.SPHERE_LIST: f"a list of spheres, {_CLOUD}",
+    Marker.POINTS: f"a list of points, {_CLOUD}",
+}
+
 
 @dataclass(frozen=True)
 class MarkerUpdate:
-    """What one marker asks for: `put`, `delete` or `delete_all`.
+    """What one marker asks for: `put`, `delete` or `delete_all`; `nothing` where it shows no body.
 
     To `put` belong a centre (3,) [m], the radius of a sphere [m], or the row (16,) of a solid (`geometry/shapes.py`),
     and a lifetime [s].
@@ -58,6 +71,8 @@ def read_marker(message: Marker | SeenMarker, base_frame: str, lookup: FrameLook
     capsule as thick, whose axis is as long, so that it is longer by half a diameter at both ends, or the box around
     it, whichever has less volume.
 
+    TEXT_VIEW_FACING is no body, and is passed over.
+
     DELETEALL empties one namespace, or the whole topic when `ns` is empty. A lifetime of zero means until
     deleted.
     """
@@ -69,6 +84,8 @@ def read_marker(message: Marker | SeenMarker, base_frame: str, lookup: FrameLook
     name = f"marker {message.ns}/{message.id}"
     if message.action != Marker.ADD:  # MODIFY has the same number
         raise MessageRefused(f"{name}: action {message.action}, expected ADD (0), DELETE (2) or DELETEALL (3)")
+    if message.type == Marker.TEXT_VIEW_FACING:
+        return MarkerUpdate("nothing", key, stamp)
     _check_type(message, name)
     frame = frame_of(message.header, base_frame, lookup)
     centre, scale = checked_point(message.pose.position, f"{name}: centre"), _checked_scale(message, name)
@@ -86,9 +103,9 @@ def read_marker(message: Marker | SeenMarker, base_frame: str, lookup: FrameLook
 
 def _check_type(message: Marker | SeenMarker, name: str) -> None:
     if message.type not in (Marker.SPHERE, Marker.CUBE, Marker.CYLINDER):
-        mesh = ", a mesh, which is not taken" if message.type == Marker.MESH_RESOURCE else ""
+        other = f", {_OTHERS[message.type]}" if message.type in _OTHERS else ""
         raise MessageRefused(
-            f"{name}: type {message.type}{mesh}, expected SPHERE ({Marker.SPHERE}), CUBE ({Marker.CUBE}) or "
+            f"{name}: type {message.type}{other}, expected SPHERE ({Marker.SPHERE}), CUBE ({Marker.CUBE}) or "
             f"CYLINDER ({Marker.CYLINDER})"
         )
 
@@ -174,7 +191,7 @@ def _read_held(message: Marker | SeenMarker, name: str, tool_frame: str) -> Held
     if message.action != Marker.ADD:
         raise MessageRefused(f"{subject}: action {message.action}, expected ADD (0), DELETE (2) or DELETEALL (3)")
     _check_type(message, subject)
-    if message.header.frame_id != tool_frame:
+    if message.header.frame_id.removeprefix("/") != tool_frame:
         raise MessageRefused(
             f"{subject}: frame '{message.header.frame_id}': what is held stands in the tool frame: send it in "
             f"'{tool_frame}'"

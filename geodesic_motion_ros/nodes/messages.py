@@ -65,9 +65,10 @@ def base_only(target: str, source: str, stamp: Time) -> str:
 
 def frame_of(header: Header, base_frame: str, lookup: FrameLookup) -> TaskFrame:
     """Where the frame of a message stands in the base frame at its stamp; refused where nobody knows, naming both."""
-    if header.frame_id == base_frame:
+    name = header.frame_id.removeprefix("/")  # as of ROS 1; tf2 refuses it
+    if name == base_frame:
         return _BASE
-    found = lookup(base_frame, header.frame_id, header.stamp)
+    found = lookup(base_frame, name, header.stamp)
     if isinstance(found, str):
         raise MessageRefused(f"frame '{header.frame_id}' is unknown here: send it in '{base_frame}' ({found})")
     origin, quaternion = found

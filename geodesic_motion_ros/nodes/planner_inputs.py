@@ -334,6 +334,8 @@ class PlannerInputs:
 
     def _apply(self, source: str, update: MarkerUpdate, now: float, transit: float) -> bool:
         """False where what was to be put was overtaken."""
+        if update.action == "nothing":
+            return True
         if update.action == "put":
             return self._tracker.put(
                 source, update.key, update.centre, update.radius, now, update.lifetime, update.solid, transit

@@ -1,9 +1,12 @@
 """Joint states that no arm can have come to: one alone is a fault of the sensor, two that agree are the arm.
 
-A single wrong state looks like an arm that was pushed far away, and what the planner commands would follow it.
+A single wrong state looks like an arm that was pushed far away, and what the planner commands would follow it. Where
+states jump again and again two sources alternate, as a driver and a joint_state_publisher, and neither is believed.
 """
 
 from __future__ import annotations
+
+from collections import deque
 
 import numpy as np
 
@@ -16,15 +19,21 @@ NOISE = 0.1
 FORGOTTEN = 0.5
 #: A state that was overtaken is older than the newest one by less [s]; another one has a wrong stamp.
 OVERTAKEN = 0.1
+#: So many jumps within so long [s] are two sources that alternate.
+_JUMPS, _WITHIN = 3, 2.0
 
 
 class PlausibleJoints:
-    """Refuses joint states that the arm cannot have reached since the one before, or that are older than that."""
+    """Refuses joint states that the arm cannot have reached since the one before, or that are older than that, and all
+    while two sources alternate.
+    """
 
     def __init__(self, robot: Robot) -> None:
         self._robot = robot
         self._known: tuple[np.ndarray, float] | None = None
         self._doubted: tuple[np.ndarray, float] | None = None
+        # Times of the newest jumps [s].
+        self._jumps: deque[float] = deque(maxlen=_JUMPS)
 
     def check(self, joints: np.ndarray, taken: float) -> None:
         """Take a state (eta,) [rad] of a time [s].
@@ -32,8 +41,16 @@ class PlausibleJoints:
         Raises
         ------
         MessageRefused : the state is of long before the newest one that was taken, or the joints cannot have come there
-            since, nor from one that was refused just before.
+            since, nor from one that was refused just before; or two sources alternate.
         """
+        self._check_alone(joints, taken)
+        if len(self._jumps) == _JUMPS and taken - self._jumps[0] < _WITHIN:
+            raise MessageRefused(
+                "the states are of two places in turn: do two nodes publish them, as a driver and a "
+                "joint_state_publisher? Leave one"
+            )
+
+    def _check_alone(self, joints: np.ndarray, taken: float) -> None:
         if self._known is not None and taken < self._known[1] - OVERTAKEN:
             # Not to be compared with the next one either: after so long the arm may be anywhere.
             raise MessageRefused(f"its stamp is {self._known[1] - taken:.3g} s older than that of the newest state")
@@ -41,6 +58,7 @@ class PlausibleJoints:
         jump = None if self._known is None else self._jump(self._known, joints, taken)
         if jump is not None and (doubted is None or self._jump(doubted, joints, taken) is not None):
             self._doubted = joints, taken
+            self._jumps.append(taken)
             raise MessageRefused(f"{jump}, faster than it can move: the next state is believed if it agrees")
         self._known = joints, taken
 

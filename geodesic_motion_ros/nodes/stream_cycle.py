@@ -35,6 +35,8 @@ DEADLINE_SHARE = 0.5
 LONGEST_ADVANCE = 0.02
 #: What is reported where a simulated clock is to be followed and there is none.
 NO_CLOCK = "use_sim_time is set, and nothing has been received on /clock"
+#: A simulated clock shows less [s], a real one more.
+_LONGEST_SIMULATION = 1e8
 #: What is reported of a goal while it is being prepared.
 PREPARING = "the newest goal is being prepared"
 #: An arm that was lost rests when it has stayed this long [s] near one place.
@@ -239,7 +241,9 @@ class StreamCycle(ABC, Generic[Place, Prepared]):
         jump, self._set_by = inputs.set_by - self._set_by, inputs.set_by
         if jump != 0.0:
             self._jump = jump
-            self._drop_goal(NO_CLOCK if not inputs.has_clock else f"the clock was set by {jump:+.1f} s")
+            # A simulation that is reset begins at 0, too.
+            no_clock = not inputs.has_clock and abs(jump) > _LONGEST_SIMULATION
+            self._drop_goal(NO_CLOCK if no_clock else f"the clock was set by {jump:+.1f} s")
         return min(passed, LONGEST_ADVANCE) if inputs.simulated else period
 
     # ------------------------------------------- what differs between the kinds of skill

@@ -74,12 +74,42 @@ class TestMarker:
             m.read_marker(marker, BASE)
 
     def test_other_shapes_actions_and_frames_are_refused(self):
-        with pytest.raises(MessageRefused, match="type 0, expected SPHERE"):
-            m.read_marker(sphere(type=Marker.ARROW), BASE)
         with pytest.raises(MessageRefused, match="action 7"):
             m.read_marker(sphere(action=7), BASE)
         with pytest.raises(MessageRefused, match="frame 'camera'"):
             m.read_marker(sphere(frame="camera"), BASE)
+
+    @pytest.mark.parametrize(
+        ("kind", "what"),
+        [
+            (Marker.ARROW, "type 0, an arrow, or no type was set, expected SPHERE"),
+            (Marker.LINE_STRIP, "type 4, a line, which is not taken"),
+            (Marker.LINE_LIST, "type 5, lines, which are not taken"),
+            (Marker.CUBE_LIST, "type 6, a list of cubes, which is not taken: publish its centres as a cloud"),
+            (Marker.SPHERE_LIST, "type 7, a list of spheres, which is not taken: publish its centres as a cloud"),
+            (Marker.POINTS, "type 8, a list of points, which is not taken: publish its centres as a cloud"),
+            (Marker.MESH_RESOURCE, "type 10, a mesh, which is not taken"),
+            (Marker.TRIANGLE_LIST, "type 11, triangles, which are not taken"),
+            (12, "type 12, expected SPHERE"),
+        ],
+    )
+    def test_what_shows_a_body_and_is_not_taken_is_named(self, kind, what):
+        with pytest.raises(MessageRefused, match=what):
+            m.read_marker(sphere(type=kind), BASE)
+
+    def test_a_text_is_no_body(self):
+        text = sphere(type=Marker.TEXT_VIEW_FACING)
+        text.scale.x = text.scale.y = 0.0
+        assert m.read_marker(text, BASE).action == "nothing"
+
+    def test_a_leading_slash_is_as_of_ros_1(self):
+        assert m.read_marker(sphere(frame=f"/{BASE}"), BASE).action == "put"
+        asked = []
+        lookup = lambda target, source, stamp: asked.append(source) or "not there"  # noqa: E731
+        for frame in ("/camera", ""):
+            with pytest.raises(MessageRefused, match=f"frame '{frame}' is unknown here: send it in '{BASE}'"):
+                m.read_marker(sphere(frame=frame), BASE, lookup)
+        assert asked == ["camera", ""]
 
     def test_a_cube_is_a_turned_box(self):
         update = m.read_marker(shape(Marker.CUBE, (0.2, 0.1, 0.4)), BASE)
@@ -222,7 +252,7 @@ class TestHeld:
         ("changes", "reason"),
         [
             ({"type": Marker.MESH_RESOURCE}, "marker n/1: type 10, a mesh, which is not taken, expected SPHERE"),
-            ({"type": Marker.ARROW}, "marker n/1: type 0, expected SPHERE"),
+            ({"type": Marker.ARROW}, "marker n/1: type 0, an arrow, or no type was set, expected SPHERE"),
             ({"header": Header(frame_id=BASE)}, "marker n/1: frame 'panda_link0'.*send it in 'panda_grasptarget'"),
             ({"lifetime": Duration(sec=2)}, "lifetime 2 s, expected 0"),
             ({"action": 7}, "action 7"),

@@ -56,7 +56,7 @@ class TestPose:
         with pytest.raises(m.MessageRefused, match="orientation"):
             m.read_pose(pose(quaternion=(1.0, value, 0.0, 0.0)), BASE)
 
-    @pytest.mark.parametrize("frame", ["", "world", "/panda_link0"])
+    @pytest.mark.parametrize("frame", ["", "world", "/world"])
     def test_other_frames_are_refused_by_name(self, frame):
         with pytest.raises(m.MessageRefused, match=f"frame '{frame}' .*'{BASE}'"):
             m.read_pose(pose(frame=frame), BASE)

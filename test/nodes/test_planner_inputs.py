@@ -203,6 +203,16 @@ class TestLate:
         np.testing.assert_allclose([min(x), max(x)], SPEED * (bench.true_time - np.array([0.7, -0.05])), atol=1e-6)
 
 
+def test_a_detector_that_labels_its_obstacles_is_heard(bench):
+    label = bench.sphere(ns="labels")
+    label.type, label.text, label.scale.x, label.scale.y = Marker.TEXT_VIEW_FACING, "cup", 0.0, 0.0
+    bench.tell(Marker(action=Marker.DELETEALL), bench.sphere(), label)
+    bench.inputs.on_marker(serialize_message(label))
+    snapshot = bench.inputs.snapshot()
+    assert len(snapshot.obstacles) == 1
+    assert (bench.inputs.refusals.counts, snapshot.unusable_sources) == ({}, {})
+
+
 class TestClock:
     @pytest.mark.parametrize("jump", [5.0, -5.0])
     def test_that_is_set_makes_nothing_old(self, bench, jump):
