@@ -8,7 +8,8 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 from geodesic_motion_ros.cli.arguments import RECORDING_OPTIONS, given
-from geodesic_motion_ros.robot.description import DEFAULT_ROBOT, RobotDescription
+from geodesic_motion_ros.robot.description import DEFAULT_ROBOT
+from geodesic_motion_ros.robot.kinematics import Robot, check_takes_poses
 
 if TYPE_CHECKING:
     from geodesic_motion_ros.demonstrations.demonstrations import Demonstrations
@@ -54,7 +55,7 @@ class TaskTraining:
         metric = replace(settings_of().metric, **given(arguments, "sigma_weight", "orientation_scale"))
         settings = settings_of(metric=metric, **given(arguments, *shared, *_SETTINGS))
         robot = arguments.robot or DEFAULT_ROBOT
-        RobotDescription.named(robot)  # refused now, not after the training
+        check_takes_poses(Robot.named(robot))  # refused now, not after the training
         return cls(demonstrations, arguments.held_out or (), settings, robot)
 
     def tool_demonstrations(self) -> Demonstrations:

@@ -6,7 +6,7 @@ A displacement delta (3,) [m] of the tool and a swivel e [rad] of the arm are re
     FK(q) = (x(tau) + delta, R(tau)),      n(tau) . (q - q^(tau)) = e,
 
 with n the unit null vector of the tool's Jacobian at q^ (`posture.py`): the orientation stays the demonstrated one.
-Arms of six joints have no swivel. A displaced path is longer by the factor phi,
+Arms of six joints or fewer have no swivel. A displaced path is longer by the factor phi,
 
     ds^2 = phi^2 (dl^2 + |d delta|^2 + lambda^2 de^2),
     phi  = 1 + delta^T (C(tau) + s^2 I)^-1 delta + (e / rho)^2,
@@ -87,7 +87,7 @@ class DetourFrame:
 
     Attributes
     ----------
-    configurations : (m, eta) q^ [rad]; nulls : (m, eta) n, zeros for six joints.
+    configurations : (m, eta) q^ [rad]; nulls : (m, eta) n, zeros for six joints or fewer.
     positions, quaternions : (m, 3) [m], (m, 4) of the tool.
     latent : (m, d) latent points of the samples.
     step : length dl of the base path between two samples [m], in which turns count as well.

@@ -46,7 +46,7 @@ from geodesic_motion_ros.planning.turns import in_turn_of
 from geodesic_motion_ros.planning.warm_up import load_kernels
 from geodesic_motion_ros.robot.collision_model import CollisionModel
 from geodesic_motion_ros.robot.held_objects import HeldObject, check_held
-from geodesic_motion_ros.robot.kinematics import Robot
+from geodesic_motion_ros.robot.kinematics import Robot, check_takes_poses
 from geodesic_motion_ros.robot.limits import JointLimits
 from geodesic_motion_ros.skill.skill import Skill
 from geodesic_motion_ros.trajectory.timing import load_references
@@ -93,6 +93,8 @@ class ReactivePlanner:
         self.skill = skill
         settings = settings or PlannerSettings()
         self.robot = robot or Robot.named(skill.robot)
+        if skill.space == "task":
+            check_takes_poses(self.robot)
         guarded = collision or CollisionModel.named(skill.robot)
         if settings.avoid == "tool":
             guarded = guarded.guarding_tool(self.robot, settings.tool_points, settings.tool_radii)

@@ -8,7 +8,8 @@ Jacobian at q^(tau), with a continuous sign. Any other pose at progress tau is r
 
 seven equations for seven joints, by Newton's method from the configuration of a neighbour. With six joints there is no
 null vector, and the first six equations are all. A last joint, or a swivel angle, in the place of the second equation
-would jump where the arm passes a posture in which it tells nothing.
+would jump where the arm passes a posture in which it tells nothing. An arm of fewer than six joints cannot turn its
+tool as it likes: it is brought to the position, and turned as near to the orientation as it can be there.
 """
 
 from __future__ import annotations
@@ -35,6 +36,10 @@ _TOLERANCE = 1e-6
 _STEPS = 8
 #: In one of them no joint turns farther than this [rad]: the linearisation holds no farther.
 _LARGEST_STEP = 0.6
+#: With fewer than six joints it ends where besides no joint turned farther than this in the last step [rad].
+_SETTLED = 1e-3
+#: What a turn of a joint counts there beside that of the tool, and what is left of a position that cannot be reached.
+_DAMPING, _SOFTNESS = 1e-4, 1e-8
 #: The solution at a node is tried from at most this many of its neighbours.
 _MOST_TRIES = 3
 
@@ -46,7 +51,7 @@ class Posture:
     Attributes
     ----------
     progress : (m,) tau of the samples, not decreasing. configurations : (m, eta) q^ [rad].
-    nulls : (m, eta) n, zeros for an arm of six joints.
+    nulls : (m, eta) n, zeros for an arm of six joints or fewer.
     """
 
     progress: np.ndarray
@@ -68,8 +73,8 @@ class SolvedPath:
 
     Attributes
     ----------
-    nulls : (m, eta) unit null vectors of the tool's Jacobian there; zeros for six joints.
-    reached : (m,) whether the pose is reached, within the limits of the joints.
+    nulls : (m, eta) unit null vectors of the tool's Jacobian there; zeros for six joints or fewer.
+    reached : (m,) whether the pose is reached, within the limits of the joints; the position, with fewer than six.
     """
 
     configurations: np.ndarray
@@ -188,6 +193,8 @@ def solve_displaced(position, quaternion, null, posture, offset, q, chain):
     For use within compiled loops: position (3,), quaternion (4,), null and posture (eta,), chain of `Robot`.
     """
     joints = len(q)
+    if joints < 6:
+        return _solve_with_fewer(position, quaternion, q, chain)
     matrix, right = np.empty((joints, joints)), np.empty(joints)
     for _ in range(_STEPS):
         rotations, origins = link_frames(q, chain)
@@ -215,8 +222,47 @@ def solve_displaced(position, quaternion, null, posture, offset, q, chain):
 
 
 @numba.njit(cache=True, nogil=True)
+def _solve_with_fewer(position, quaternion, q, chain):
+    """Bring the tool of an arm of fewer than six joints to a position, turned as near to a quaternion as it can be
+    there, from q (eta,), in place; whether it got to the position.
+
+    Steps of Gauss and Newton: J_r^T (J_r dq - e_r) + J_p^T m = 0 and J_p dq = e_p, with multipliers m.
+    """
+    joints = len(q)
+    matrix, right, slopes = np.empty((joints + 3, joints + 3)), np.empty(joints + 3), np.empty((6, joints))
+    turned = np.inf
+    for _ in range(_STEPS):
+        rotations, origins = link_frames(q, chain)
+        error = pose_difference(origins[-1], quaternion_of(rotations[-1]), position, quaternion)
+        off = max(abs(error[0]), abs(error[1]), abs(error[2]))
+        if off < _TOLERANCE and turned < _SETTLED:
+            return True
+        slopes[:], matrix[:], right[:] = 0.0, 0.0, 0.0
+        write_jacobian(rotations, origins, chain, slopes)
+        for i in range(joints):
+            matrix[i, i] = _DAMPING
+            for axis in range(3):
+                right[i] += slopes[3 + axis, i] * error[3 + axis]
+                matrix[joints + axis, i] = matrix[i, joints + axis] = slopes[axis, i]
+                for j in range(joints):
+                    matrix[i, j] += slopes[3 + axis, i] * slopes[3 + axis, j]
+        for axis in range(3):
+            matrix[joints + axis, joints + axis], right[joints + axis] = -_SOFTNESS, error[axis]
+        if not _solve(matrix, right):
+            return False
+        turned = 0.0
+        for j in range(joints):
+            turned = max(turned, abs(right[j]))
+            q[j] += right[j]
+        if not turned <= _LARGEST_STEP:
+            return False
+    return False
+
+
+@numba.njit(cache=True, nogil=True)
 def _null_vector(q, before, chain):
-    """Unit null vector (7,) of the tool's Jacobian at q on the side of an earlier one; zeros for six joints.
+    """Unit null vector (7,) of the tool's Jacobian at q on the side of an earlier one; zeros for six joints or
+    fewer.
 
     It is the solution of J n = 0, m . n = 1, scaled to length 1, with m the earlier one, or where there is none that of
     the unit vectors which lies nearest to the null space.

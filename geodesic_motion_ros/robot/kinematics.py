@@ -220,6 +220,15 @@ class Robot:
         return float(np.linalg.norm(self.forward(positions)[0] - self.shoulder))
 
 
+def check_takes_poses(robot: Robot) -> None:
+    """Refuse an arm for skills of tool poses. RobotError: it has fewer than six joints."""
+    if not robot.takes_poses:
+        raise RobotError(
+            f"a skill of the tool's poses needs an arm of six joints or more, to '{robot.tool_link}' there are "
+            f"{len(robot.joint_names)}: teach {', '.join(robot.joint_names)} by their angles, or name another robot"
+        )
+
+
 def contiguous(values: np.ndarray) -> np.ndarray:
     """The same values as the kernels take them: float64 in one piece."""
     return np.ascontiguousarray(values, dtype=np.float64)

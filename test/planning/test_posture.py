@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
 from geodesic_motion_ros.geometry.quaternions import angle_between, continuous_signs
 from geodesic_motion_ros.planning.posture import Posture, solve_beside, solve_nodes, solve_path
 from geodesic_motion_ros.robot.body_points import end_effector_poses
+from geodesic_motion_ros.robot.inverse_kinematics import pose_error
 from geodesic_motion_ros.robot.kinematics import Robot
 
 PANDA = Robot.named("panda")
@@ -52,6 +55,43 @@ def test_a_path_is_followed_by_steps_of_least_norm(joints: int, six: Robot) -> N
     assert np.all(np.sum(path.nulls[1:] * path.nulls[:-1], axis=1) > 0.9)
     # A step of least norm has nothing of the null vector.
     np.testing.assert_allclose(np.sum(path.nulls[:-1] * steps, axis=1), 0.0, atol=1e-5)
+
+
+def test_an_arm_of_five_joints_is_brought_to_positions_and_turned_as_near_as_it_can(six: Robot) -> None:
+    """No motion that keeps the position turns the tool nearer to what was requested, which it cannot hold."""
+    five = Robot.from_urdf(six.urdf, "l0", "l5")
+    start = np.array([0.2, 0.4, 0.9, 0.3, 0.8])
+    position, quaternion = five.forward(start)
+    positions = position + np.linspace(0.0, 0.1, 30)[:, None] * [0.0, 1.0, 0.2]
+    path = solve_path(five, positions, np.tile(quaternion, (30, 1)), start)
+    assert path.objection(five) == ""
+    there, turned = poses_of(five, path.configurations)
+    np.testing.assert_allclose(there, positions, atol=2e-6)
+    assert np.max(angle_between(turned, quaternion)) > 0.01
+    for configuration in path.configurations:
+        slopes = five.jacobian(configuration)
+        error = pose_error(*five.forward(configuration), position, quaternion)[3:]
+        still = np.linalg.svd(slopes[:3])[2][3:].T
+        assert np.max(np.abs((slopes[3:] @ still).T @ error)) < 5e-3
+
+
+@pytest.mark.parametrize(("axes", "reached"), [("001", True), ("010", False)])
+def test_an_arm_in_a_plane_is_displaced_in_it_and_not_out_of_it(axes: str, reached: bool, tmp_path: Path) -> None:
+    joints = "".join(
+        f'<link name="l{i + 1}"/><joint name="j{i}" type="revolute"><parent link="l{i}"/><child link="l{i + 1}"/>'
+        f'<origin xyz="{0.3 * (i > 0)} 0 0"/><axis xyz="{" ".join(axes)}"/>'
+        '<limit lower="-2.8" upper="2.8" velocity="2" effort="9"/></joint>'
+        for i in range(3)
+    )
+    tool = '<link name="tool"/><joint name="t" type="fixed"><parent link="l3"/><child link="tool"/>'
+    (tmp_path / "flat.urdf").write_text(
+        f'<robot name="flat"><link name="l0"/>{joints}{tool}<origin xyz="0.3 0 0"/></joint></robot>'
+    )
+    flat = Robot.from_urdf(tmp_path / "flat.urdf", "l0", "tool")
+    start = np.array([0.2, 0.5, 0.7])
+    position, quaternion = flat.forward(start)
+    path = solve_path(flat, position + [[0.0, 0.0, 0.0], [0.0, 0.03, 0.0]], np.tile(quaternion, (2, 1)), start)
+    assert path.reached.tolist() == [True, reached]
 
 
 def test_swivels_move_the_arm_along_its_null_vectors_and_leave_the_tool() -> None:
