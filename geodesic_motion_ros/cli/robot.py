@@ -5,9 +5,15 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 from tempfile import TemporaryDirectory
+from typing import TYPE_CHECKING
 
 from geodesic_motion_ros.cli.arguments import HelpFormatter
+from geodesic_motion_ros.cli.progress_bar import progress_bar
 from geodesic_motion_ros.utils.errors import ParameterError
+
+if TYPE_CHECKING:
+    from geodesic_motion_ros.robot.kinematics import Robot
+    from geodesic_motion_ros.robot.making import MadeRobot
 
 _DESCRIPTION = """\
 Make the folder that a robot is to this package, out of a URDF or a xacro file: its collision bodies are cut into convex
@@ -90,7 +96,7 @@ def add_command(commands: argparse._SubParsersAction) -> None:
     parser.add_argument("--ready", type=numbers, metavar="Q", help="a comfortable posture [rad]; proposed without it")
     parser.add_argument(
         "--beside", type=position, action="append", metavar="JOINT=POSITION",
-        help="where a joint beside the chain is, as a finger [rad, m]; 0 without it",
+        help="where a joint beside the chain stands, as a finger [rad, m]; without it at 0, or as near as it can",
     )  # fmt: skip
     parser.set_defaults(run=run)
 
@@ -115,21 +121,21 @@ def run(arguments: argparse.Namespace) -> None:
             raise ParameterError(
                 f"a URDF says nothing of accelerations and jerks: give {', '.join(missing)} for {', '.join(joints)}"
             )
-        print(
-            f"{len(joints)} joints: {', '.join(joints)}; now its bodies are cut and covered, which takes half a minute "
-            "to some minutes", flush=True,
-        )  # fmt: skip
+        print(f"{len(joints)} joints: {', '.join(joints)}", flush=True)
         acceleration, jerk = (_each(name, getattr(arguments, name), joints) for name in ("acceleration", "jerk"))
-        made = make_robot(
-            urdf, arguments.base, arguments.tip, arguments.out, Limits(acceleration, jerk, arguments.limits_source),
-            arguments.name, arguments.ready, dict(arguments.beside or ()),
-        )  # fmt: skip
+        with progress_bar(arguments.file.stem) as progress:
+            made = make_robot(
+                urdf, arguments.base, arguments.tip, arguments.out,
+                Limits(acceleration, jerk, arguments.limits_source), arguments.name, arguments.ready,
+                dict(arguments.beside or ()), progress,
+            )  # fmt: skip
     robot = Robot.named(made.folder)
     for link, rows in made.spheres.items():
         names = [body.name for body in made.bodies if body.link == link]
         print(f"{link:24} {len(rows):3} spheres of {', '.join(dict.fromkeys(names))}")
-    if bare := [link for link in robot.link_names if link not in made.spheres]:
+    if bare := [link for link in robot.link_names if link not in made.spheres and link not in made.drawn_alone]:
         print(f"without a body in the URDF, and so never kept clear: {', '.join(bare)}")
+    _say_what_the_urdf_leaves_open(made, robot)
     print(f"farthest point outside all spheres: {1e3 * max(0.0, made.farthest_outside()):.1f} mm")
     for pair in made.pairs:
         if pair.spheres == ():
@@ -145,10 +151,39 @@ def run(arguments: argparse.Namespace) -> None:
     print(f"ready: {', '.join(f'{value:.3f}' for value in robot.ready)} {unit}")
     if RobotDescription.named(made.folder).hand is None:
         print(f"no body moves with {arguments.tip}: write tool_spheres into robot.yaml for skills of tool poses")
-    if len(joints) not in (6, 7):
-        print(f"inverse kinematics is of six or seven joints, this arm has {len(joints)}: give it no poses of its tool")
+    if not robot.takes_poses:
+        print(f"poses need six joints, this arm has {len(joints)}: teach it by joint angles, send it goal_joints")
+    if len(joints) < 3:
+        print("detours need three joints: where an obstacle blocks what was demonstrated, this arm stops")
     draw_spheres(robot, made.bodies, made.spheres, made.folder / "spheres.png")
     print(f"wrote the robot to {made.folder}, its picture to {made.folder / 'spheres.png'}")
+
+
+def _say_what_the_urdf_leaves_open(made: MadeRobot, robot: Robot) -> None:
+    """Name what was taken in its place: bodies, masses, strengths, and where joints beside the chain stand."""
+    from geodesic_motion_ros.robot.inertials import DENSITY, holding_strengths, joints_without_effort
+    from geodesic_motion_ros.robot.urdf import read_urdf
+
+    if made.drawn_alone:
+        print(f"drawn but without a collision body, so that nothing guards it: {', '.join(made.drawn_alone)}")
+    if made.without_inertial:
+        print(
+            f"without <inertial> or a mass: {', '.join(made.without_inertial)}; the twin takes that of the collision "
+            f"bodies at {DENSITY:.0f} kg/m^3"
+        )
+    root = read_urdf(robot.urdf)
+    if weak := joints_without_effort(robot, root):
+        strengths = dict(zip(robot.joint_names, holding_strengths(robot, root), strict=True))
+        print(
+            f"limit of effort 0 or absent: the twin takes what holds the arm, "
+            f"{', '.join(f'{name} {strengths[name]:.3g}' for name in weak)} [N m, prismatic: N]"
+        )
+    if made.beside:
+        standing = ", ".join(f"{name} at {position:g}" for name, position in made.beside.items())
+        print(
+            f"beside the chain, taken as standing: {standing} [rad, m]; --beside JOINT=POSITION puts them elsewhere. "
+            "Where they move, as a second arm does, no certificate knows of it"
+        )
 
 
 def _each(name: str, values: tuple[float, ...], joints: tuple[str, ...]) -> tuple[float, ...]:

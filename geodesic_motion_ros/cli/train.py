@@ -24,6 +24,7 @@ from geodesic_motion_ros.cli.arguments import (
     seed,
     writable,
 )
+from geodesic_motion_ros.cli.progress_bar import progress_bar
 from geodesic_motion_ros.cli.report import write_report
 from geodesic_motion_ros.demonstrations.quaternion_order import looks_scalar_last, tilts
 from geodesic_motion_ros.demonstrations.recorded_tables import (
@@ -163,8 +164,6 @@ def _add_training(group: argparse._ArgumentGroup) -> None:
 
 def run(arguments: argparse.Namespace, measures: Mapping[str, Measure] | None = None) -> None:
     """Train, measure, save, report."""
-    from tqdm import tqdm
-
     from geodesic_motion_ros.planning.declared_scene import DeclaredScene
 
     paths = tuple(arguments.bag or (arguments.demos,))
@@ -191,10 +190,8 @@ def run(arguments: argparse.Namespace, measures: Mapping[str, Measure] | None = 
     _note_the_recording(demonstrations, extent, space)
     if space == "task" and demonstrations.has_orientation and arguments.demos is not None:
         _report_orientations(arguments, demonstrations)
-    # A log that no person watches gets a line now and then.
-    interval = 0.1 if sys.stderr.isatty() else 10.0
-    with tqdm(desc=paths[0].stem, unit="step", mininterval=interval) as bar:
-        skill = training.learn(name, _shown_on(bar), _provenance(arguments, paths))
+    with progress_bar(paths[0].stem) as progress:
+        skill = training.learn(name, progress, _provenance(arguments, paths))
     if scene is not None:
         skill = _recorded_in(scene, skill)
     if measure is not None:
@@ -313,15 +310,3 @@ def _note_the_result(quality: Mapping[str, Any], extent: float) -> None:
 
 def _note(text: str) -> None:
     print(f"geodesic-motion: warning: {text}", file=sys.stderr)
-
-
-def _shown_on(bar: Any) -> Any:
-    """A training's progress on a bar; every stage starts it anew."""
-
-    def progress(stage: str, step: int, steps: int) -> None:
-        if bar.postfix != stage:
-            bar.reset(total=steps)
-            bar.set_postfix_str(stage)
-        bar.update(step - bar.n)
-
-    return progress

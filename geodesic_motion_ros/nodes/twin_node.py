@@ -58,8 +58,9 @@ from geodesic_motion_ros.nodes.twin_parameters import (
 )
 from geodesic_motion_ros.robot.description import RobotDescription
 from geodesic_motion_ros.robot.robot_file import published_urdf
+from geodesic_motion_ros.simulation.loading import simulated_urdf
 from geodesic_motion_ros.simulation.scripted_spheres import ScriptedSpheres
-from geodesic_motion_ros.simulation.world import ArmWorld, simulated_urdf
+from geodesic_motion_ros.simulation.world import ArmWorld
 from geodesic_motion_ros.utils.errors import GeodesicMotionError, RobotError
 
 # After a stall physics makes up for what was lost, for half as long [s] of real time at most, in the next tick half as

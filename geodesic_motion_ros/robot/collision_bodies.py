@@ -16,7 +16,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from geodesic_motion_ros.robot.kinematics import Robot
-from geodesic_motion_ros.robot.urdf import read_floats, read_origin, read_urdf
+from geodesic_motion_ros.robot.urdf import MOVING, read_floats, read_origin, read_urdf
 from geodesic_motion_ros.utils.errors import RobotError
 
 SIDES = 24
@@ -46,27 +46,23 @@ def collision_bodies(robot: Robot, beside: Mapping[str, float] | None = None) ->
 
     Parameters
     ----------
-    beside : positions [rad, m] of joints beside the chain; zero for the others.
+    beside : positions [rad, m] of joints beside the chain, as of `beside_positions`.
 
     Raises
     ------
-    RobotError : a mesh cannot be read, a shape is unknown or too large, `beside` names no joint, or the URDF says
-        nothing of what collides.
+    RobotError : a mesh cannot be read, a shape is unknown or too large, or the URDF says nothing of what collides; or
+        as `beside_positions`.
     """
-    root, positions = read_urdf(robot.urdf), dict(beside or {})
-    joints = {joint.get("name"): joint for joint in root.findall("joint")}
-    if unknown := [name for name in positions if name not in joints or name in robot.joint_names]:
-        there = ", ".join(name for name in joints if name not in robot.joint_names)
-        raise RobotError(f"joint '{unknown[0]}' is not beside the chain in {robot.urdf.name}; there are {there}")
-    to_parent = {joint.find("child").get("link"): joint for joint in joints.values() if joint.find("child") is not None}
+    root, positions = read_urdf(robot.urdf), beside_positions(robot, beside)
+    to_parent = parent_joints(root)
     found = []
     for link in root.findall("link"):
-        carried = _carried(link.get("name"), to_parent, positions, robot)
+        carried = carrier_of(link.get("name"), to_parent, positions, robot)
         if carried is None:
             continue
         carrier, rotation, origin = carried
         for collision in link.findall("collision"):
-            vertices = _vertices(collision, link.get("name"), robot.urdf)
+            vertices = shape_vertices(collision, link.get("name"), robot.urdf)
             turned, offset = read_origin(collision, f"a collision body of link '{link.get('name')}'")
             in_link = vertices @ turned.T + offset
             if (size := float(np.max(np.ptp(in_link, axis=0)))) > LARGEST:
@@ -79,6 +75,55 @@ def collision_bodies(robot: Robot, beside: Mapping[str, float] | None = None) ->
         raise RobotError(f"{robot.urdf.name} has no <collision> on the chain: spheres need meshes or shapes")
     order = robot.link_names.index
     return tuple(sorted(found, key=lambda body: order(body.link)))
+
+
+def beside_positions(robot: Robot, given: Mapping[str, float] | None = None) -> dict[str, float]:
+    """Where the moving joints stand [rad, m] that the chain carries beside it, by their names.
+
+    As given; a mimic joint as it follows its own; the others where their limits allow it nearest to 0.
+
+    Raises
+    ------
+    RobotError : what is given names no joint beside the chain, or is outside of the joint's limits.
+    """
+    root, given = read_urdf(robot.urdf), dict(given or {})
+    joints = {joint.get("name", ""): joint for joint in root.findall("joint")}
+    if unknown := [name for name in given if name not in joints or name in robot.joint_names]:
+        there = ", ".join(name for name in joints if name not in robot.joint_names)
+        raise RobotError(f"joint '{unknown[0]}' is not beside the chain in {robot.urdf.name}; there are {there}")
+    to_parent, positions = parent_joints(root), {}
+    for name, joint in joints.items():
+        moves = joint.get("type") in MOVING and name not in robot.joint_names
+        if not moves or carrier_of(joint.find("child").get("link"), to_parent, {}, robot) is None:
+            continue
+        lower, upper = _range(joint)
+        positions[name] = given.get(name, min(max(0.0, lower), upper))
+        if not lower <= positions[name] <= upper:
+            raise RobotError(f"joint '{name}' is to stand at {given[name]:g}: its limits are [{lower:g}, {upper:g}]")
+    for name in positions:
+        mimic = joints[name].find("mimic")
+        if mimic is not None and name not in given:
+            multiplier, offset = float(mimic.get("multiplier", "1")), float(mimic.get("offset", "0"))
+            positions[name] = multiplier * positions.get(mimic.get("joint"), 0.0) + offset
+    return positions
+
+
+def drawn_alone(robot: Robot) -> tuple[str, ...]:
+    """The links of the chain, and beside it, that have a <visual> but no <collision>: spheres hold nothing of them."""
+    root = read_urdf(robot.urdf)
+    to_parent = parent_joints(root)
+    return tuple(
+        link.get("name")
+        for link in root.findall("link")
+        if link.find("visual") is not None and link.find("collision") is None
+        and carrier_of(link.get("name"), to_parent, {}, robot) is not None
+    )  # fmt: skip
+
+
+def parent_joints(root: ElementTree.Element) -> dict[str, ElementTree.Element]:
+    """The joint of a URDF above each link, by the link's name."""
+    joints = [joint for joint in root.findall("joint") if joint.find("child") is not None]
+    return {joint.find("child").get("link"): joint for joint in joints if joint.find("parent") is not None}
 
 
 def read_mesh(path: Path) -> np.ndarray:
@@ -113,7 +158,7 @@ def write_mesh(triangles: np.ndarray, path: Path) -> None:
     trimesh.Trimesh(**trimesh.triangles.to_kwargs(triangles), process=False).export(path, file_type="stl")
 
 
-def _carried(
+def carrier_of(
     link: str, to_parent: Mapping[str, ElementTree.Element], positions: Mapping[str, float], robot: Robot
 ) -> tuple[str, np.ndarray, np.ndarray] | None:
     """The link of the chain that carries a link, and the link's frame in its: rotation (3, 3), origin (3,) [m].
@@ -126,18 +171,14 @@ def _carried(
         if joint is None:
             return None
         turned, offset = read_origin(joint, f"joint '{joint.get('name')}'")
-        moved, slid = _displacement(joint, positions)
+        moved, slid = _displacement(joint, positions.get(joint.get("name"), 0.0))
         rotation, origin = turned @ moved @ rotation, turned @ (moved @ origin + slid) + offset
         link = joint.find("parent").get("link")
     return link, rotation, origin
 
 
-def _displacement(joint: ElementTree.Element, positions: Mapping[str, float]) -> tuple[np.ndarray, np.ndarray]:
+def _displacement(joint: ElementTree.Element, position: float) -> tuple[np.ndarray, np.ndarray]:
     """Rotation (3, 3) and slide (3,) [m] of a joint beside the chain."""
-    position, mimic = positions.get(joint.get("name"), 0.0), joint.find("mimic")
-    if mimic is not None and joint.get("name") not in positions:
-        multiplier, offset = float(mimic.get("multiplier", "1")), float(mimic.get("offset", "0"))
-        position = multiplier * positions.get(mimic.get("joint"), 0.0) + offset
     element = joint.find("axis")
     axis = np.array(read_floats("1 0 0" if element is None else element.get("xyz"), 3, f"axis of {joint.get('name')}"))
     if joint.get("type") == "prismatic":
@@ -145,7 +186,17 @@ def _displacement(joint: ElementTree.Element, positions: Mapping[str, float]) ->
     return Rotation.from_rotvec(position * axis).as_matrix(), np.zeros(3)
 
 
-def _vertices(collision: ElementTree.Element, link: str, urdf: Path) -> np.ndarray:
+def _range(joint: ElementTree.Element) -> tuple[float, float]:
+    """The limits [rad, m] of a joint; infinite where it has none."""
+    limit = joint.find("limit")
+    if joint.get("type") == "continuous" or limit is None:
+        return -np.inf, np.inf
+    lower, upper = (read_floats(limit.get(key, "0"), 1, f"limit {key} of joint '{joint.get('name')}'")[0]
+                    for key in ("lower", "upper"))  # fmt: skip
+    return (lower, upper) if lower <= upper else (-np.inf, np.inf)
+
+
+def shape_vertices(collision: ElementTree.Element, link: str, urdf: Path) -> np.ndarray:
     """Vertices (V, 3) [m] of a collision body in its own frame."""
     geometry = collision.find("geometry")
     shape = None if geometry is None or not len(geometry) else geometry[0]

@@ -18,6 +18,10 @@ SAVED = 0.03
 """Share of a mesh's hull that a cut has to save."""
 PLANES = 31
 """Tried across each axis, evenly over a part."""
+DENSE, CELLS = 1000, 48
+"""The plane is chosen on a mesh of more corners than this with one corner for each cell of a grid, so many along its
+longest side; cut, and judged by its volume, is the mesh itself.
+"""
 
 
 def convex_parts(triangles: np.ndarray) -> list[np.ndarray]:
@@ -36,7 +40,7 @@ def convex_parts(triangles: np.ndarray) -> list[np.ndarray]:
     finished, parts = [], [triangles]
     while parts:
         part = parts.pop()
-        saved, halves = _best_cut(part)
+        saved, halves = _best_cut(part, SAVED * whole)
         if saved < SAVED * whole:
             finished.append(hull_triangles(part.reshape(-1, 3)))
         else:
@@ -54,24 +58,85 @@ def hull_triangles(points: np.ndarray) -> np.ndarray:
     return triangles
 
 
-def _best_cut(triangles: np.ndarray) -> tuple[float, list[np.ndarray]]:
-    """The volume that the best of the planes saves, and both parts."""
-    points = triangles.reshape(-1, 3)
-    lowest, highest, volume = points.min(axis=0), points.max(axis=0), _volume(triangles)
-    best: tuple[float, list[np.ndarray]] = (0.0, [])
+def _best_cut(triangles: np.ndarray, least: float) -> tuple[float, list[np.ndarray]]:
+    """The volume that the best of the planes saves, and both parts; 0 and none where no plane can save `least`."""
+    corners, faces = np.unique(triangles.reshape(-1, 3), axis=0, return_inverse=True)
+    volume = _volume(corners)
+    if volume < least:
+        return 0.0, []
+    best, across, at = np.inf, 0, 0.0
+    lowest, highest = corners.min(axis=0), corners.max(axis=0)
+    corners, edges = _coarse_edges(corners, faces.reshape(-1, 3))
     for axis in range(3):
-        for plane in np.linspace(lowest[axis], highest[axis], PLANES + 2)[1:-1]:
-            halves = _cut(triangles, axis, float(plane))
-            saved = volume - sum(map(_volume, halves))
-            if saved > best[0]:
-                best = saved, halves
-    return best
+        planes = np.linspace(lowest[axis], highest[axis], PLANES + 2)[1:-1]
+        left = _volumes_of_halves(corners, edges, axis, planes)
+        if (smallest := float(np.min(left))) < best:
+            best, across, at = smallest, axis, float(planes[np.argmin(left)])
+    halves = _cut(triangles, across, at)
+    return volume - sum(_volume(half.reshape(-1, 3)) for half in halves), halves
 
 
-def _volume(triangles: np.ndarray) -> float:
+def _coarse_edges(corners: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The corners (V, 3) and edges (E, 2) of faces (T, 3); of a mesh with more than DENSE corners, one for each cell of
+    a grid of CELLS along its longest side.
+    """
+    if len(corners) > DENSE:
+        cells = np.floor((corners - corners.min(axis=0)) * (CELLS / np.max(np.ptp(corners, axis=0)))).astype(int)
+        _, kept, cell_of = np.unique(cells @ [1, 1 << 20, 1 << 40], return_index=True, return_inverse=True)
+        corners, faces = corners[kept], cell_of[faces]
+    ends = np.sort(np.concatenate([faces[:, :2], faces[:, 1:], faces[:, ::2]]), axis=1)
+    numbers = np.unique(ends @ [len(corners), 1])
+    edges = np.column_stack([numbers // len(corners), numbers % len(corners)])
+    return corners, edges[edges[:, 0] != edges[:, 1]]
+
+
+def _volumes_of_halves(corners: np.ndarray, edges: np.ndarray, axis: int, planes: np.ndarray) -> np.ndarray:
+    """Volumes (n,) of the hulls below and above each of rising planes (n,), added, of corners (V, 3) and edges (E, 2).
+
+    The hull below a plane holds that below the plane before and its section: so each is the hull of the corners of the
+    one before, of those between the two planes, and of its own section.
+    """
+    sections = [_section(corners, edges, axis, plane) for plane in planes]
+    total = np.zeros(len(planes))
+    numbers = np.searchsorted(planes, corners[:, axis])  # the planes below each corner; one on a plane counts below it
+    for order in (range(len(planes)), range(len(planes) - 1, -1, -1)):
+        rising, hull = order.step > 0, np.empty((0, 3))
+        for number in order:
+            between = corners[numbers == (number if rising else number + 1)]
+            points = np.concatenate([hull, between, sections[number]])
+            try:
+                found = ConvexHull(points)
+            except (QhullError, ValueError):
+                hull, total[number] = points, np.inf  # flat so far: there is none to cover
+                continue
+            hull = points[found.vertices]
+            total[number] += found.volume
+    return total
+
+
+def _section(corners: np.ndarray, edges: np.ndarray, axis: int, plane: float) -> np.ndarray:
+    """The outermost points (n, 3) of those in which edges cross a plane."""
+    heights = corners[:, axis] - plane
+    one, other = edges[(heights[edges[:, 0]] > 0.0) != (heights[edges[:, 1]] > 0.0)].T
+    share = (heights[one] / (heights[one] - heights[other]))[:, None]
+    points = corners[one] + share * (corners[other] - corners[one])
+    points[:, axis] = plane
+    return points[_outline(points, axis)]
+
+
+def _outline(points: np.ndarray, axis: int) -> np.ndarray:
+    """Numbers of the corners of the hull of points (n, 3) in a plane across an axis, in their order; all of flat ones.
+    """
+    try:
+        return ConvexHull(np.delete(points, axis, axis=1)).vertices
+    except (QhullError, ValueError):
+        return np.arange(len(points))
+
+
+def _volume(points: np.ndarray) -> float:
     """Of the hull; infinite where there is none to cover."""
     try:
-        return float(ConvexHull(triangles.reshape(-1, 3)).volume)
+        return float(ConvexHull(points).volume)
     except QhullError:
         return np.inf
 

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from copy import deepcopy
 from dataclasses import dataclass, replace
+from functools import cache
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from xml.etree import ElementTree
@@ -13,14 +14,23 @@ import numpy as np
 import yaml
 from scipy.spatial import ConvexHull, QhullError
 
-from geodesic_motion_ros.robot.collision_bodies import Body, collision_bodies, read_mesh, write_mesh
+from geodesic_motion_ros.robot.collision_bodies import (
+    Body,
+    beside_positions,
+    collision_bodies,
+    drawn_alone,
+    read_mesh,
+    write_mesh,
+)
 from geodesic_motion_ros.robot.collision_model import CollisionModel, self_clearance
 from geodesic_motion_ros.robot.convex_parts import convex_parts
 from geodesic_motion_ros.robot.description import FILE
+from geodesic_motion_ros.robot.inertials import complete_inertials
 from geodesic_motion_ros.robot.kinematics import Robot
+from geodesic_motion_ros.robot.mounting import UPRIGHT, is_upright, mount
 from geodesic_motion_ros.robot.self_pairs import LinkPair, draw_self_pairs
 from geodesic_motion_ros.robot.sphere_cover import DECIMALS, PROTRUSION, SPACING, file_spheres
-from geodesic_motion_ros.robot.urdf import read_urdf
+from geodesic_motion_ros.robot.urdf import read_floats, read_urdf
 from geodesic_motion_ros.utils.errors import ParameterError, RobotError
 
 HAND_PROTRUSION = 0.02
@@ -37,10 +47,9 @@ POSTURES = 2000
 """Drawn, of which the ready posture is the best."""
 APART = 0.01
 """Distance [m] of the spheres that are kept apart, in a ready posture that is proposed."""
-_FRAME_INERTIA = (
-    '<inertial><mass value="0.001"/><inertia ixx="1e-6" ixy="0" ixz="0" iyy="1e-6" iyz="0" izz="1e-6"/></inertial>'
-)
 
+#: Called as progress(stage, step, steps).
+Progress = Callable[[str, int, int], None]
 
 @dataclass(frozen=True)
 class Limits:
@@ -56,12 +65,23 @@ class Limits:
 
 @dataclass(frozen=True)
 class MadeRobot:
-    """What was made: the folder, the bodies of the URDF, the spheres (S, 4) [m] by link, and the pairs that touch."""
+    """What was made, and what of the URDF needs a person's eye.
+
+    Attributes
+    ----------
+    folder : the folder. bodies : of the URDF. spheres : (S, 4) [m] by link. pairs : of links that touch.
+    beside : where the joints beside the chain stand [rad, m], by name.
+    without_inertial : links with bodies whose masses were chosen.
+    drawn_alone : links with a <visual> but no <collision>, of which nothing is guarded.
+    """
 
     folder: Path
     bodies: tuple[Body, ...]
     spheres: Mapping[str, np.ndarray]
     pairs: tuple[LinkPair, ...]
+    beside: Mapping[str, float]
+    without_inertial: tuple[str, ...]
+    drawn_alone: tuple[str, ...]
 
     def farthest_outside(self) -> float:
         """How far [m] the farthest vertex of a body is outside all spheres of its link; negative: none is."""
@@ -77,6 +97,7 @@ def make_robot(
     name: str | None = None,
     ready: Sequence[float] | None = None,
     beside: Mapping[str, float] | None = None,
+    progress: Progress = lambda stage, step, steps: None,
 ) -> MadeRobot:
     """Write a robot's folder, whole or not at all: a URDF of what moves and collides, meshes, limits, spheres, pairs.
 
@@ -84,7 +105,7 @@ def make_robot(
     ----------
     urdf : with paths of meshes that are absolute, or relative to it: `plain_urdf`.
     ready : (n,) [rad]; None: a posture is proposed.
-    beside : positions [rad, m] of joints beside the chain, as of fingers.
+    beside : positions [rad, m] of joints beside the chain, as of fingers: `beside_positions`.
 
     Raises
     ------
@@ -96,6 +117,7 @@ def make_robot(
         raise ParameterError(f"{out} exists and is no empty folder: give another one")
     source = Robot.from_urdf(urdf, base_link, tool_link)
     posture = None if ready is None else source.checked(np.array(ready))
+    standing = beside_positions(source, beside)
     try:
         out.parent.mkdir(parents=True, exist_ok=True)
         scratch = TemporaryDirectory(prefix=f".{out.name}-", dir=out.parent)
@@ -104,22 +126,23 @@ def make_robot(
     with scratch:
         draft = Path(scratch.name) / "robot"
         draft.mkdir()
-        made = _write(source, draft, limits, name or out.name, posture, beside or {})
+        made = _write(source, draft, limits, name or out.name, posture, standing, progress)
         Robot.named(draft)  # what cannot be read is no robot
         draft.replace(out)
     return replace(made, folder=out)
 
 
 def _write(
-    source: Robot, out: Path, limits: Limits, name: str, posture: np.ndarray | None, beside: Mapping[str, float]
-) -> MadeRobot:
+    source: Robot, out: Path, limits: Limits, name: str, posture: np.ndarray | None, beside: Mapping[str, float],
+    progress: Progress,
+) -> MadeRobot:  # fmt: skip
     """Write the files of a folder; spheres and pairs are those of the bodies in it."""
     urdf = out / source.urdf.name
-    _write_urdf(source.urdf, urdf)
+    without_inertial = _write_urdf(source.urdf, urdf, progress)
     _write_limits(source, limits, out / "joint_limits.yaml")
     robot = Robot.from_urdf(urdf, source.base_link, source.tool_link)
     bodies = collision_bodies(robot, beside)
-    spheres, pairs = cover_and_pair(robot, bodies)
+    spheres, pairs = cover_and_pair(robot, bodies, progress)
     (out / "spheres.yaml").write_text(_spheres_text(spheres, [pair for pair in pairs if pair.spheres != ()]))
     model = CollisionModel.load(out / "spheres.yaml", robot)
     posture = propose_ready(robot, model) if posture is None else posture
@@ -134,39 +157,47 @@ def _write(
     last = bodies[-1].link
     if not np.any(robot.chain[3][robot.link_names.index(last) :] >= 0):  # it moves with the tool
         described["hand"] = last
-    if beside:
-        described["simulation"] = {"joints": {joint: float(value) for joint, value in beside.items()}}
+    if moved := {joint: float(value) for joint, value in beside.items() if value != 0.0}:
+        described["simulation"] = {"joints": moved}
     (out / FILE).write_text(yaml.safe_dump(described, sort_keys=False, default_flow_style=None, width=110))
-    return MadeRobot(out, bodies, spheres, pairs)
+    return MadeRobot(out, bodies, spheres, pairs, beside, without_inertial, drawn_alone(source))
 
 
-def cover_and_pair(robot: Robot, bodies: Sequence[Body]) -> tuple[dict[str, np.ndarray], tuple[LinkPair, ...]]:
+def cover_and_pair(
+    robot: Robot, bodies: Sequence[Body], progress: Progress = lambda stage, step, steps: None
+) -> tuple[dict[str, np.ndarray], tuple[LinkPair, ...]]:
     """Spheres that hold all bodies, as of `cover_bodies`, `FINER` where of some links `FALSE_ALARMS` are many; and the
     pairs kept apart.
     """
-    spheres = cover_bodies(robot, bodies)
-    pairs = draw_self_pairs(robot, spheres, bodies)
-    if all(pair.overlapping - pair.touching <= FALSE_ALARMS for pair in pairs):
-        return spheres, pairs
-    spheres = cover_bodies(robot, bodies, FINER)
-    return spheres, draw_self_pairs(robot, spheres, bodies)
+    for share in (1.0, FINER):
+        spheres = cover_bodies(robot, bodies, share, progress)
+        pairs = draw_self_pairs(robot, spheres, bodies, progress=progress)
+        if all(pair.overlapping - pair.touching <= FALSE_ALARMS for pair in pairs):
+            break
+    return spheres, pairs
 
 
-def cover_bodies(robot: Robot, bodies: Sequence[Body], share: float = 1.0) -> dict[str, np.ndarray]:
+def cover_bodies(
+    robot: Robot, bodies: Sequence[Body], share: float = 1.0,
+    progress: Progress = lambda stage, step, steps: None,
+) -> dict[str, np.ndarray]:  # fmt: skip
     """Spheres (S, 4) [m] by link, base first, that hold all bodies; share : of the usual protrusions.
 
-    A body that the first joint alone turns is as high above what the arm stands on, z = 0, in every posture: where its
-    spheres are lower than that, and it is not, finer ones are taken.
+    A body that the first joint alone turns is as high above what an upright arm stands on, z = 0, in every posture:
+    where its spheres are lower than that, and it is not, finer ones are taken.
     """
     turned = np.append(0, np.cumsum(robot.chain[3] >= 0))
     rotations, origins = robot.link_frames(robot.ready)
+    upright = is_upright(robot)
     found: dict[str, list[np.ndarray]] = {}
-    for body in bodies:
+    for number, body in enumerate(bodies):
+        progress("covering", number, len(bodies))
         link = robot.link_names.index(body.link)
         protrusion = share * (HAND_PROTRUSION if turned[link] == turned[-1] else PROTRUSION)
         rows = _covered(body, protrusion)
         up, height = rotations[link][2], origins[link][2]
-        if turned[link] == 1 and np.min(rows[:, :3] @ up - rows[:, 3]) < -height < np.min(body.vertices @ up):
+        lowest = np.min(rows[:, :3] @ up - rows[:, 3])
+        if upright and turned[link] == 1 and lowest < -height < np.min(body.vertices @ up):
             rows = _covered(body, 0.5 * protrusion)
         found.setdefault(body.link, []).append(rows)
     return {link: np.concatenate(rows) for link, rows in found.items()}
@@ -176,7 +207,8 @@ def propose_ready(robot: Robot, model: CollisionModel) -> np.ndarray:
     """A posture (n,) [rad] far from limits and singularities, the tool before and above the base, `APART` from itself.
 
     Of drawn ones within the middle half of the joints' ranges, that of the largest manipulability, the product of the
-    singular values of J, times the smallest distance from a limit as a share of its range.
+    singular values of J, times the smallest distance from a limit as a share of its range. The tool of an arm that is
+    turned against its base frame, as on a wall, is away from what it is mounted on, and from the axis of that.
 
     Raises
     ------
@@ -186,17 +218,27 @@ def propose_ready(robot: Robot, model: CollisionModel) -> np.ndarray:
     lower, upper = np.where(bounded, robot.lower, -np.pi), np.where(bounded, robot.upper, np.pi)
     middle = 0.5 * (lower + upper)
     drawn = np.round(middle + 0.5 * (robot.sample(POSTURES, np.random.default_rng(0)) - middle), 3)
+    turned, foot = mount(robot)
+    mounted = turned[2, 2] < UPRIGHT
     best, posture = 0.0, None
     for q in drawn:
         tool, _ = robot.forward(q)
-        if tool[2] < 0.1 * robot.reach or tool[0] < 0.2 * robot.reach:
+        before, above = tool[0], tool[2]
+        if mounted:
+            beside, across, above = (tool - foot) @ turned
+            before = np.hypot(beside, across)
+        if above < 0.1 * robot.reach or before < 0.2 * robot.reach:
             continue
         rooms = np.minimum(q - lower, upper - q)[bounded] / (upper - lower)[bounded]
         score = np.min(rooms, initial=0.5) * np.prod(np.linalg.svd(robot.jacobian(q), compute_uv=False))
         if score > best and self_clearance(model, robot, q)[0] >= APART:
             best, posture = score, q
     if posture is None:
-        raise RobotError("no posture was found with the tool before and above the base: give one with --ready")
+        where = "before and above the base"
+        if mounted:
+            angle = np.degrees(np.arccos(np.clip(turned[2, 2], -1.0, 1.0)))
+            where = f"away from what the arm is mounted on, by {angle:.0f} deg against '{robot.base_link}'"
+        raise RobotError(f"no posture was found with the tool {where}: give one with --ready")
     return posture
 
 
@@ -224,22 +266,23 @@ def _outside(points: np.ndarray, spheres: np.ndarray) -> np.ndarray:
     return gaps.min(axis=1)
 
 
-def _write_urdf(source: Path, path: Path) -> None:
-    """The URDF without what is not used here. Its meshes are those that collide, in convex parts, for the eye too."""
-    root = read_urdf(source)
+def _write_urdf(source: Path, path: Path, progress: Progress) -> tuple[str, ...]:
+    """Write the URDF without what is not used here; the links with bodies whose masses were chosen.
+
+    Its meshes are those that collide, in convex parts, for the eye too.
+    """
+    root, parts_of = read_urdf(source), cache(lambda mesh: convex_parts(read_mesh(mesh)))
     for extra in [child for child in root if child.tag not in ("link", "joint")]:
         root.remove(extra)
-    for link in root.findall("link"):
+    links = root.findall("link")
+    for step, link in enumerate(links):
+        progress("cutting", step, len(links))
         for visual in link.findall("visual"):
             link.remove(visual)
-        collisions = link.findall("collision")
-        if link.find("inertial") is None and not collisions:
-            # a frame alone; simulators take what says nothing for a kilogramme
-            link.append(ElementTree.fromstring(_FRAME_INERTIA))
         parts = []
-        for collision in collisions:
+        for collision in link.findall("collision"):
             link.remove(collision)
-            parts += _convex(collision, source)
+            parts += _convex(collision, source, parts_of)
         for number, (part, triangles) in enumerate(parts, start=1):
             if triangles is not None:
                 # called by the link, for meshes of several folders may have one name
@@ -250,18 +293,24 @@ def _write_urdf(source: Path, path: Path) -> None:
             shown = deepcopy(part)
             shown.tag = "visual"
             link.extend((part, shown))
+    without_inertial = complete_inertials(root, path)
     ElementTree.indent(root)
     path.write_text(f'<?xml version="1.0"?>\n{ElementTree.tostring(root, encoding="unicode")}\n')
+    return without_inertial
 
 
-def _convex(collision: ElementTree.Element, urdf: Path) -> list[tuple[ElementTree.Element, np.ndarray | None]]:
+def _convex(
+    collision: ElementTree.Element, urdf: Path, parts_of: Callable[[Path], list[np.ndarray]]
+) -> list[tuple[ElementTree.Element, np.ndarray | None]]:
     """A collision body, or one for each convex part of its mesh with its triangles (T, 3, 3)."""
     mesh = collision.find("geometry/mesh")
     if mesh is None:
         return [(collision, None)]
     source = urdf.parent / mesh.get("filename", "")
+    scale = np.array(read_floats(mesh.attrib.pop("scale", "1 1 1"), 3, f"scale of mesh {source.name}"))
+    order = slice(None, None, 1 if np.prod(scale) > 0.0 else -1)  # seen from outside a mirrored triangle turns over
     try:
-        return [(deepcopy(collision), triangles) for triangles in convex_parts(read_mesh(source))]
+        return [(deepcopy(collision), (triangles * scale)[:, order]) for triangles in parts_of(source)]
     except ValueError as error:
         raise RobotError(f"mesh {source} holds no body: {error}") from error
 

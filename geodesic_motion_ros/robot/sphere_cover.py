@@ -9,6 +9,9 @@ nothing of the surface stays bare between samples. At last every sphere shrinks 
 
 from __future__ import annotations
 
+import math
+
+import numba
 import numpy as np
 from scipy.spatial import ConvexHull
 
@@ -20,6 +23,8 @@ TRIANGLE = 0.4
 """Longest edge, in protrusions, of the surface triangles that one sphere has to cover."""
 SPACING = 1.0 / 3.0
 """Distance, in protrusions, between the grid points that centres are chosen from."""
+SAME_RADIUS = 1e-9
+"""Radii that differ by no more [m] are equal."""
 MESH_MARGIN = 0.001
 """Radius [m] that PyBullet adds to a mesh."""
 DECIMALS = 4
@@ -39,7 +44,7 @@ def cover(vertices: np.ndarray, protrusion: float = PROTRUSION) -> np.ndarray:
     """Spheres (S, 4), centre and radius [m], that hold the whole convex hull of vertices (V, 3) [m].
 
     No sphere sticks out of a plane of the hull by more than `protrusion` [m]. The same vertices give the same spheres
-    on the same machine; on another one, rounding may choose between candidates that cover equally much differently.
+    on the same machine; on another one, rounding may choose differently between candidates that cover equally much.
 
     Raises
     ------
@@ -54,32 +59,71 @@ def cover(vertices: np.ndarray, protrusion: float = PROTRUSION) -> np.ndarray:
     sizes = 0.5 * np.linalg.norm(np.cross(edges[:, 0], edges[:, 1]), axis=1)
     # far less than the surface, yet enough to decide between spheres that cover no more of it
     sizes = np.concatenate([sizes, np.full(len(centres), 1e-9 * np.sum(sizes))])
+    # whole numbers, whose sums depend on no order: equals are equal, and a mirrored body has mirrored spheres
+    sizes = np.round(sizes * (1e12 / np.sum(sizes))).astype(np.int64)
     radii = depths + protrusion
     corners, corner_of = np.unique(triangles.reshape(-1, 3), axis=0, return_inverse=True)
-    corner_of = np.ascontiguousarray(corner_of.reshape(-1, 3).T)
-
-    def reaches(centre: np.ndarray) -> np.ndarray:
-        """Radii (T + G,) [m] from which on a sphere about a centre holds each triangle, and each grid point."""
-        around = np.linalg.norm(corners - centre, axis=1)[corner_of].max(axis=0)
-        return np.concatenate([around, np.linalg.norm(centres - centre, axis=1)])
-
-    inside = np.empty((len(centres), len(sizes)), dtype=bool)
-    for row, centre, radius in zip(inside, centres, radii, strict=True):
-        row[:] = reaches(centre) <= radius
-    if not np.all(np.any(inside, axis=0)):
+    targets = corners, np.ascontiguousarray(corner_of.reshape(-1, 3)), centres
+    chosen, covered = _chosen(centres, radii, *targets, sizes)
+    if not covered:
         raise ParameterError(
             f"protrusion is {protrusion} m: with centres {SPACING * protrusion:.4f} m apart that do not cover a body "
             f"of {np.round(np.ptp(vertices, axis=0), 3).tolist()} m; take another one"
         )
-    gains = np.array([np.sum(row * sizes) for row in inside])
-    chosen: list[int] = []
-    bare = np.ones(len(sizes), dtype=bool)
+    reaches = np.array([_reaches(centre, *targets) for centre in centres[chosen]])
+    return _shrunk(centres[chosen], radii[chosen], reaches)
+
+
+@numba.njit(cache=True, nogil=True)
+def _distance(one: np.ndarray, other: np.ndarray) -> float:
+    return math.sqrt((one[0] - other[0]) ** 2 + (one[1] - other[1]) ** 2 + (one[2] - other[2]) ** 2)
+
+
+@numba.njit(cache=True, nogil=True)
+def _reaches(centre: np.ndarray, corners: np.ndarray, corner_of: np.ndarray, points: np.ndarray) -> np.ndarray:
+    """Radii (T + G,) [m] from which on a sphere about a centre holds each triangle, corner_of (T, 3), and each point.
+    """
+    around = np.empty(len(corners))
+    for corner in range(len(corners)):
+        around[corner] = _distance(centre, corners[corner])
+    found = np.empty(len(corner_of) + len(points))
+    for i in range(len(corner_of)):
+        found[i] = max(around[corner_of[i, 0]], around[corner_of[i, 1]], around[corner_of[i, 2]])
+    for i in range(len(points)):
+        found[len(corner_of) + i] = _distance(centre, points[i])
+    return found
+
+
+@numba.njit(cache=True, nogil=True)
+def _chosen(
+    centres: np.ndarray, radii: np.ndarray, corners: np.ndarray, corner_of: np.ndarray, points: np.ndarray,
+    sizes: np.ndarray,
+) -> tuple[np.ndarray, bool]:  # fmt: skip
+    """Numbers of the spheres that greedy set cover takes, and whether they hold all, targets as of `_reaches`.
+
+    Of those that gain equally much the smallest is taken. What a sphere gains shrinks as others are taken: so the gains
+    of earlier rounds are bounds, and only those are worked out again that may be the largest (M. Minoux, "Accelerated
+    greedy algorithms", 1978).
+    """
+    gains = np.full(len(centres), np.iinfo(np.int64).max)
+    bare = np.ones(len(sizes), dtype=np.bool_)
+    taken = np.empty(len(sizes), dtype=np.int64)
+    count = 0
     while np.any(bare):
-        chosen.append(int(np.argmax(gains)))
-        gained = bare & inside[chosen[-1]]
-        gains -= inside[:, gained] @ sizes[gained]
-        bare &= ~gained
-    return _shrunk(centres[chosen], radii[chosen], np.array([reaches(centre) for centre in centres[chosen]]))
+        best, most = -1, 0
+        for number in np.argsort(-gains, kind="mergesort"):
+            if gains[number] < max(most, 1):
+                break
+            held = _reaches(centres[number], corners, corner_of, points) <= radii[number]
+            gains[number] = np.sum(sizes[held & bare])
+            if gains[number] > most or (gains[number] == most > 0 and radii[number] < radii[best] - SAME_RADIUS):
+                best, most = number, gains[number]
+        if best < 0:
+            return taken[:count], False
+        taken[count] = best
+        count += 1
+        bare &= _reaches(centres[best], corners, corner_of, points) > radii[best]
+    return taken[:count], True
 
 
 def _grid(vertices: np.ndarray, spacing: float) -> np.ndarray:

@@ -14,6 +14,7 @@ a spring with a damper, f = k (x_hand - x) - d dx. The elbow is not held, and dr
 from __future__ import annotations
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from geodesic_motion_ros.geometry.quaternions import to_rotation
 from geodesic_motion_ros.robot.kinematics import Robot
@@ -41,6 +42,10 @@ class FreeDrive:
         self._client, self._robot, self._arm, self._joints, self._tool = client, robot, arm, joints, tool
         indices = range(client.getNumJoints(arm))
         self._moving = [index for index in indices if client.getJointInfo(arm, index)[2] != client.JOINT_FIXED]
+        parameters = client.getPhysicsEngineParameters()
+        self._gravity = [parameters[f"gravityAcceleration{axis}"] for axis in "XYZ"]
+        turned = Rotation.from_quat(client.getBasePositionAndOrientation(arm)[1])
+        self._gravity_in_root = turned.inv().apply(self._gravity).tolist()
         client.setJointMotorControlArray(arm, joints, client.VELOCITY_CONTROL, forces=[0.0] * len(joints))
         for joint, lower, upper in zip(joints, robot.lower, robot.upper, strict=True):
             # PyBullet's description of the arm has the limits of its parts, which lie beyond those of its motion
@@ -56,7 +61,10 @@ class FreeDrive:
         positions, velocities = [state[0] for state in states], [state[1] for state in states]
         slowing = [-velocity / DECAY if joint in self._joints else 0.0
                    for joint, velocity in zip(self._moving, velocities, strict=True)]  # fmt: skip
+        # PyBullet's inverse dynamics take gravity in the frame of the root link, however that is turned
+        client.setGravity(*self._gravity_in_root)
         torques = client.calculateInverseDynamics(self._arm, positions, velocities, slowing)
+        client.setGravity(*self._gravity)
         of_joint = dict(zip(self._moving, zip(positions, velocities, torques, strict=True), strict=True))
         q, dq, tau = np.array([of_joint[joint] for joint in self._joints]).T
         client.setJointMotorControlArray(self._arm, self._joints, client.TORQUE_CONTROL, forces=tau.tolist())

@@ -14,12 +14,14 @@ from scipy.spatial.transform import Rotation
 
 from geodesic_motion_ros.planning.declared_scene import MASSIVE, DeclaredScene
 from geodesic_motion_ros.robot.description import DEFAULT_ROBOT, RobotDescription
+from geodesic_motion_ros.robot.inertials import GRAVITY
 from geodesic_motion_ros.robot.inverse_kinematics import checked_pose, solve
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.simulation.camera import View, take_picture, view_named
 from geodesic_motion_ros.simulation.free_drive import FreeDrive
 from geodesic_motion_ros.simulation.joint_motion import JointMotion
-from geodesic_motion_ros.simulation.physics_client import PhysicsClient, PhysicsError
+from geodesic_motion_ros.simulation.loading import load_arm, standing_beside, strengths
+from geodesic_motion_ros.simulation.physics_client import PhysicsClient
 from geodesic_motion_ros.simulation.target_stream import TargetStream
 from geodesic_motion_ros.simulation.trajectory_player import JointWaypoints, TrajectoryPlayer
 from geodesic_motion_ros.utils.errors import ParameterError, RobotError
@@ -354,7 +356,7 @@ class ArmWorld:
         if gui:
             client.configureDebugVisualizer(client.COV_ENABLE_GUI, 0)
         client.setTimeStep(self.dt)
-        client.setGravity(0.0, 0.0, -9.81)
+        client.setGravity(0.0, 0.0, -GRAVITY)
         # PyBullet's numbers of the bodies, and their names
         self._scene = {
             add_solid(client, solid, kind): name
@@ -368,8 +370,9 @@ class ArmWorld:
             if name not in index_of:
                 raise RobotError(f"joint '{name}' is not in {described.simulated_urdf}; it has {', '.join(index_of)}")
         self._joints = [index_of[name] for name in self.robot.joint_names]
-        self._forces = [infos[index][10] for index in self._joints]
-        self._beside = {index_of[name]: position for name, position in described.simulated_joints.items()}
+        self._forces = strengths([infos[index][10] for index in self._joints], self.robot, described)
+        self._beside = standing_beside(infos, self._joints)
+        self._beside |= {index_of[name]: position for name, position in described.simulated_joints.items()}
         self._link_names = {info[0]: info[12].decode() for info in infos}
         self._link_names[-1] = client.getBodyInfo(self._arm)[0].decode()
         # How many of the arm's joints move a link; parents come before their children.
@@ -418,36 +421,6 @@ class ArmWorld:
         size = np.linalg.norm(turn)
         turn = turn / size if size > 1e-9 else np.array([1.0, 0.0, 0.0, 0.0])
         return client.createMultiBody(0.0, -1, look, basePosition=0.5 * (start + end), baseOrientation=turn)
-
-
-def simulated_urdf(described: RobotDescription) -> Path:
-    """The URDF of a robot in the simulation: of its folder, or one that PyBullet brings."""
-    brought = described.simulated_urdf.removeprefix("pybullet_data/")
-    return Path(pybullet_data.getDataPath() if brought != described.simulated_urdf else "") / brought
-
-
-def load_arm(client: PhysicsClient, described: RobotDescription) -> int:
-    """An arm from the URDF of its folder for the simulation, its base link in the origin; PyBullet's number.
-
-    Raises
-    ------
-    RobotError : PyBullet cannot read the URDF or a mesh, or it lacks the base link.
-    """
-    urdf = simulated_urdf(described)
-    try:
-        arm = client.loadURDF(str(urdf), useFixedBase=True)
-    except PhysicsError as error:
-        raise RobotError(f"PyBullet cannot read {urdf}: are its meshes where it says?") from error
-    infos = [client.getJointInfo(arm, index) for index in range(client.getNumJoints(arm))]
-    if client.getBodyInfo(arm)[0].decode() == described.base_link:
-        return arm
-    base = [info[0] for info in infos if info[12].decode() == described.base_link]
-    if not base:
-        raise RobotError(f"link '{described.base_link}' is not in {urdf}")
-    state = client.getLinkState(arm, base[0], computeForwardKinematics=True)
-    back = Rotation.from_quat(state[5]).inv()
-    client.resetBasePositionAndOrientation(arm, -back.apply(state[4]), back.as_quat())
-    return arm
 
 
 def add_solid(client: PhysicsClient, solid: np.ndarray, kind: str) -> int:

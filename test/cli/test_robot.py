@@ -68,7 +68,10 @@ def test_a_robot_is_made_and_drawn(tmp_path: Path, capsys) -> None:
     shown = capsys.readouterr().out
     assert "farthest point outside all spheres: 0.0 mm" in shown
     assert "without a body in the URDF, and so never kept clear: tool\n" in shown
-    assert "inverse kinematics is of six or seven joints, this arm has 2" in shown
+    assert "poses need six joints, this arm has 2: teach it by joint angles, send it goal_joints" in shown
+    assert "detours need three joints" in shown
+    assert "without <inertial> or a mass: base, upper, lower; the twin takes that of the collision bodies" in shown
+    assert "limit of effort 0 or absent" not in shown
     assert (out / "spheres.png").is_file()
     assert Robot.named(out).joint_names == ("shoulder", "elbow")
     assert Robot.named(out).velocity_limits.tolist() == [1.0, 2.0]

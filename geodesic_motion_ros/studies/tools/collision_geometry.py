@@ -12,8 +12,9 @@ from scipy.spatial.transform import Rotation
 from geodesic_motion_ros.planning.declared_scene import MASSIVE, DeclaredScene
 from geodesic_motion_ros.robot.description import RobotDescription
 from geodesic_motion_ros.robot.kinematics import Robot
+from geodesic_motion_ros.simulation.loading import load_arm
 from geodesic_motion_ros.simulation.physics_client import PhysicsClient
-from geodesic_motion_ros.simulation.world import add_solid, load_arm
+from geodesic_motion_ros.simulation.world import add_solid
 from geodesic_motion_ros.utils.errors import RobotError
 
 
