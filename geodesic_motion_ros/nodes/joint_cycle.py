@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import time
+from collections import deque
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import replace
@@ -23,7 +24,7 @@ from geodesic_motion_ros.planning.mission import PreparedGoal
 from geodesic_motion_ros.planning.plan import Plan
 from geodesic_motion_ros.planning.planner import ReactivePlanner
 from geodesic_motion_ros.planning.status import Verdict, VerdictCode
-from geodesic_motion_ros.planning.tracking import TrackingMonitor
+from geodesic_motion_ros.planning.tracking import COUNTED, TrackingMonitor
 from geodesic_motion_ros.robot.held_objects import HeldObject
 from geodesic_motion_ros.trajectory.receding_horizon import Horizon
 from geodesic_motion_ros.trajectory.trajectory import JointReference
@@ -32,6 +33,8 @@ from geodesic_motion_ros.utils.errors import ParameterError, PlanningError
 
 #: From the planner's answer to the arm that plays it, at most [s].
 TRANSIT = 0.005
+#: A joint state may be this old [s] before its age counts as lag: what two periods of a driver of 40 Hz take.
+FRESH = 0.05
 #: Topics whose obstacles have names that an object in the hand may have, too.
 _NAMED = ("obstacles", "obstacle_marker")
 #: Two stops because of the posture have no progress between them where the tool is within this distance [m].
@@ -94,6 +97,8 @@ class JointCycle(StreamCycle[np.ndarray, PreparedGoal]):
         self._released: dict[str, Obstacles] = {}
         # The names of obstacles that do not count.
         self._not_counted: list[str] = []
+        # When it was looked at, and how old the joint state was then [s], in the last second.
+        self._ages: deque[tuple[float, float]] = deque()
         # Where the arm was measured (eta,) [rad], continuous joints in the turn of what is commanded, and by how many
         # whole turns the driver has them elsewhere [rad].
         self._near: np.ndarray | None = None
@@ -290,7 +295,10 @@ class JointCycle(StreamCycle[np.ndarray, PreparedGoal]):
     def _track(self, measured: np.ndarray, taken: float) -> None:
         commanded = self.planner.commanded(taken)
         assert commanded is not None  # _knows_where came first
-        self.planner.set_tracking(self._tracking.add(measured, commanded[0], taken))
+        tracking = self._tracking.add(measured, commanded[0], taken)
+        # Since then the arm may have stood.
+        unseen = max(0.0, max((age for _, age in self._ages), default=0.0) - FRESH)
+        self.planner.set_tracking(replace(tracking, lag=tracking.lag + unseen))
 
     def _deviation(self, measured: np.ndarray, taken: float) -> tuple[str, str] | None:
         commanded = self.planner.commanded(taken)
@@ -305,6 +313,9 @@ class JointCycle(StreamCycle[np.ndarray, PreparedGoal]):
 
         The certificate is of the posture that was sent.
         """
+        self._ages.append((inputs.heard, inputs.state_age))
+        while self._ages[0][0] < inputs.heard - COUNTED:
+            self._ages.popleft()
         judged = super()._follow_measured(inputs, advance)
         measured = inputs.measured
         if judged is not None or self._command_topic == "joint_trajectory" or measured is None:

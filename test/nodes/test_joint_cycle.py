@@ -314,6 +314,19 @@ def test_a_driver_that_wraps_a_joint_in_motion_is_followed_and_sent_the_turn_tha
     assert off == pytest.approx(2.0 * np.pi * np.round(off / (2.0 * np.pi)), abs=1e-6)
 
 
+def test_what_is_not_seen_of_the_arm_counts_as_lag(cycle, arm, inputs, planner):
+    # an arm that rests, which is where it was sent at any time
+    inputs = dataclasses.replace(inputs, goal=None, goal_number=0)
+    follow(cycle, arm, inputs, 0.1)
+    assert planner.tracking.lag == 0.0
+    lags = []
+    for age, duration in ((0.05, 0.1), (0.075, PERIOD), (0.095, PERIOD), (0.005, 0.9), (0.005, 0.2)):
+        follow(cycle, arm, dataclasses.replace(inputs, state_age=age), duration)
+        lags.append(planner.tracking.lag)
+    # rounded up to 10 ms; kept for a second
+    np.testing.assert_allclose(lags, [0.0, 0.03, 0.05, 0.05, 0.0], atol=1e-9)
+
+
 def test_the_limits_are_kept_while_goals_change_in_motion(cycle, arm, inputs, planner):
     random = np.random.default_rng(3)
     for number in range(2, 14):
