@@ -11,9 +11,18 @@ from tempfile import TemporaryFile
 from typing import TYPE_CHECKING, Any, Literal, TypeVar
 
 from geodesic_motion_ros.demonstrations.bags import BagTake
+from geodesic_motion_ros.demonstrations.column_names import (
+    DEFAULT_COLUMNS,
+    POSITION,
+    QUATERNION,
+    of_poses,
+    parse_mapping,
+)
 from geodesic_motion_ros.demonstrations.demonstrations import Demonstrations
 from geodesic_motion_ros.demonstrations.joint_demonstrations import JointDemonstrations
+from geodesic_motion_ros.demonstrations.quaternion_order import looks_scalar_last
 from geodesic_motion_ros.demonstrations.readers import (
+    ANGLES,
     METRES_PER_UNIT,
     holds_joints,
     is_mapped,
@@ -22,10 +31,8 @@ from geodesic_motion_ros.demonstrations.readers import (
     read_demonstrations,
     read_joint_demonstrations,
 )
-from geodesic_motion_ros.demonstrations.recorded_tables import DEFAULT_COLUMNS, DEMONSTRATION
 from geodesic_motion_ros.demonstrations.recordings import Recording
 from geodesic_motion_ros.demonstrations.splitting import PAUSE, Split
-from geodesic_motion_ros.demonstrations.text_tables import of_poses, parse_mapping
 from geodesic_motion_ros.robot.description import DEFAULT_ROBOT
 from geodesic_motion_ros.utils.errors import GeodesicMotionError, ParameterError
 
@@ -34,7 +41,8 @@ if TYPE_CHECKING:
 
 
 #: Of recordings, by the space that is learned from them.
-RECORDING_OPTIONS = {"task": ("units", "columns"), "joint": ()}
+RECORDING_OPTIONS = {"task": ("columns",), "joint": ()}
+_ROS_COLUMNS = ",".join((*POSITION, *QUATERNION[1:], QUATERNION[0]))
 _RECORDINGS = {"task": "recordings of the tool", "joint": "recordings of joints"}
 
 
@@ -101,15 +109,17 @@ def add_recording(
 def add_formats(group: argparse._ArgumentGroup, required: bool = False, joints: bool = False) -> None:
     """--units, --columns and --rate; with `joints`, for recordings of joints too, --space and --robot."""
     group.add_argument(
-        "--units", choices=tuple(METRES_PER_UNIT), required=required,
-        help="of the positions; required for files, a wrong guess would be off by a hundred",
+        "--units", choices=(*METRES_PER_UNIT, *ANGLES), required=required,
+        help="m, cm or mm of the positions, required for files: a wrong guess would be off by a hundred; rad or deg of "
+        "joints, without it as the header says, or rad",
     )  # fmt: skip
     group.add_argument(
         "--columns", metavar="NAMES",
         help="columns of the file in their order; `t` [s] where it has times, `qx,qy,qz,qw` at the end for quaternions "
         f"as in ROS messages, `px,py,pz` without orientation, `px,py` for a plane; {DEFAULT_COLUMNS} without it. Of "
-        "text with any header (.csv, .txt) our names and those of the file, the rest is passed over: "
-        "t=stamp,px=x,py=y,pz=z, or t=stamp,panda_joint1=q0,...; without demonstration=NAME it is split as a bag is",
+        "files of other programs our names and those of the file, the rest is passed over: t=stamp,px=x,py=y,pz=z, or "
+        "t=stamp,panda_joint1=q0,...; sec,nanosec for a stamp in two columns, rx,ry,rz for a rotation vector, "
+        "matrix=NAME for 16 columns, demonstration=NAME; *=NAME_* for all joints. Without a header all, in their order",
     )  # fmt: skip
     group.add_argument(
         "--rate", type=float, default=100.0, metavar="HZ", help="samples a second of files without times"
@@ -162,10 +172,10 @@ def read_recorded(
     DemonstrationError : says what cannot be used. ParameterError : an option of another space, or that is missing.
     """
     if of_bags:
-        if arguments.units not in (None, "m"):
+        if arguments.units in METRES_PER_UNIT and arguments.units != "m":
             raise ParameterError(f"--units {arguments.units}: messages have metres, nothing is scaled")
         how = Split.parse(arguments.split, arguments.pause, arguments.first)
-        recording = Recording.of_bags(paths, arguments.topic, how, arguments.robot or DEFAULT_ROBOT)
+        recording = Recording.of_bags(paths, arguments.topic, how, arguments.robot or DEFAULT_ROBOT, arguments.units)
         space = "joint" if recording.robot else "task"
         if arguments.space not in (None, space):
             raise ParameterError(f"--space {arguments.space}: {paths[0]} has {_RECORDINGS[space]}")
@@ -174,17 +184,17 @@ def read_recorded(
     (path,) = paths
     space = recorded_space(arguments, path)
     columns = arguments.columns or DEFAULT_COLUMNS
-    mapping = parse_mapping(columns) if is_mapped(path, columns) else None
-    if mapping is not None:  # of joints too
+    if is_mapped(path, columns):  # of joints too
         options = options | {"task": tuple(name for name in options["task"] if name != "columns")}
     refuse_other_space(arguments, space, options, path)
-    if space == "joint":
-        robot = arguments.robot or DEFAULT_ROBOT
-        takes = joint_takes(path, robot, arguments.rate, columns)
+    robot = "" if space == "task" else arguments.robot or DEFAULT_ROBOT
+    if robot:
+        if arguments.units in METRES_PER_UNIT:
+            raise ParameterError(f"--units {arguments.units}: {path} has joints, in rad or deg (or: --space task)")
+        takes = joint_takes(path, robot, arguments.rate, columns, arguments.units)
     else:
-        robot = ""
         takes = pose_takes(path, _units(arguments, path), columns, arguments.rate)
-    if mapping is None or DEMONSTRATION in mapping:
+    if not takes[0].in_one_go:
         return Recording.of_files(takes, robot)
     # nothing in the file says where a demonstration begins
     how = Split.parse(arguments.split, arguments.pause, arguments.first)
@@ -219,8 +229,18 @@ def read_recording(arguments: argparse.Namespace, path: Path) -> Demonstrations:
     return read_demonstrations(path, _units(arguments, path), arguments.columns or DEFAULT_COLUMNS, arguments.rate)
 
 
+def refuse_unsaid_order(arguments: argparse.Namespace, path: Path, demonstrations: Demonstrations) -> None:
+    """Refuse quaternions that look as if their scalar were last, while nothing says where it is: ParameterError."""
+    if path.suffix.lower() in (".npy", ".npz") and arguments.columns is None and looks_scalar_last(demonstrations):
+        raise ParameterError(
+            f"with the quaternions of {path.name} read as qw,qx,qy,qz the tool does not point down, as qx,qy,qz,qw it "
+            f"does: in which order are they? In that of ROS: say --columns {_ROS_COLUMNS}; otherwise say --columns "
+            f"{DEFAULT_COLUMNS}"
+        )
+
+
 def _units(arguments: argparse.Namespace, path: Path) -> Literal["m", "cm", "mm"]:
-    if arguments.units is None:
+    if arguments.units not in METRES_PER_UNIT:
         raise ParameterError(f"say the units of the positions in {path}: --units {', '.join(METRES_PER_UNIT)}")
     return arguments.units
 

@@ -19,10 +19,13 @@ from geodesic_motion_ros.cli.arguments import (
     add_json,
     pictured,
     read_recorded,
+    refuse_unsaid_order,
     writable,
 )
 from geodesic_motion_ros.cli.report import write_report
 from geodesic_motion_ros.demonstrations.bags import is_bag
+from geodesic_motion_ros.demonstrations.demonstrations import Demonstrations
+from geodesic_motion_ros.demonstrations.mapped_tables import TEXT_FILES
 from geodesic_motion_ros.demonstrations.recorded_tables import files_in
 from geodesic_motion_ros.geometry.quaternions import angle_between
 from geodesic_motion_ros.skill.description import DESCRIPTION
@@ -34,7 +37,7 @@ if TYPE_CHECKING:
     from geodesic_motion_ros.skill.skill import Skill
 
 #: Recordings in files; bags are known by `is_bag`.
-_FILES = (".csv", ".npy", ".npz", ".txt")
+_FILES = (*TEXT_FILES, ".npy", ".npz")
 _DESCRIPTION = """\
 Shows what a skill holds: what it was learned from, how well, where it begins and ends, how large its latent graph is
 and from which thresholds on the planner refuses a path. Writes the picture of its latent space; that of a joint-space
@@ -127,7 +130,9 @@ def run_recording(arguments: argparse.Namespace, path: Path) -> None:
     picture = _picture(arguments, path)
     draw_recording(recording.takes, recording.motions, recording.left_out, recording.flaws, picture)
     print(f"\nwrote its picture to {picture}")
-    recording.checked(arguments.strict)
+    demonstrations = recording.checked(arguments.strict)
+    if isinstance(demonstrations, Demonstrations) and demonstrations.has_orientation:
+        refuse_unsaid_order(arguments, path, demonstrations)
 
 
 def _picture(arguments: argparse.Namespace, path: Path) -> Path:

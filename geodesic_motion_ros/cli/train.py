@@ -21,19 +21,18 @@ from geodesic_motion_ros.cli.arguments import (
     indices,
     pictured,
     read_recorded,
+    refuse_unsaid_order,
     seed,
     writable,
 )
 from geodesic_motion_ros.cli.progress_bar import progress_bar
 from geodesic_motion_ros.cli.report import write_report
-from geodesic_motion_ros.demonstrations.quaternion_order import looks_scalar_last, tilts
-from geodesic_motion_ros.demonstrations.recorded_tables import (
+from geodesic_motion_ros.demonstrations.column_names import (
     DEFAULT_COLUMNS,
-    POSITION,
-    QUATERNION,
     parse_columns,
     quaternion_order,
 )
+from geodesic_motion_ros.demonstrations.quaternion_order import tilts
 from geodesic_motion_ros.demonstrations.takes import Action
 from geodesic_motion_ros.skill.description import check_text
 from geodesic_motion_ros.utils.errors import ParameterError
@@ -49,7 +48,6 @@ if TYPE_CHECKING:
 _SMALL, _POOR = 0.02, 0.2
 #: Most characters of --source and of --licence.
 _LONGEST_PROVENANCE = 2000
-_ROS_COLUMNS = ",".join((*POSITION, *QUATERNION[1:], QUATERNION[0]))
 _SPACES = {"task": train_task, "joint": train_joint}
 _SPACE_NOTES = {
     "task": "poses of the tool: a skill of poses is learned",
@@ -189,6 +187,7 @@ def run(arguments: argparse.Namespace, measures: Mapping[str, Measure] | None = 
     extent = _extent(demonstrations)
     _note_the_recording(demonstrations, extent, space)
     if space == "task" and demonstrations.has_orientation and arguments.demos is not None:
+        refuse_unsaid_order(arguments, arguments.demos, demonstrations)
         _report_orientations(arguments, demonstrations)
     with progress_bar(paths[0].stem) as progress:
         skill = training.learn(name, progress, _provenance(arguments, paths))
@@ -259,7 +258,7 @@ def _note_the_flaws(recording: Recording) -> None:
     for flaw in recording.flaws:
         if flaw.action in (Action.KEPT, Action.REPAIRED, Action.LEFT_OUT):
             _note(f"demonstration {flaw}")
-        elif flaw.action is Action.CONVERTED:
+        elif flaw.action is Action.READ:
             print(f"demonstration {flaw}")
     between = [flaw for flaw in recording.flaws if flaw.action is Action.PASSED_OVER]
     if between:
@@ -281,9 +280,8 @@ def _note_the_recording(demonstrations: Demonstrations, extent: float, space: st
 
 
 def _report_orientations(arguments: argparse.Namespace, demonstrations: Demonstrations) -> None:
-    """Print the order in which quaternions were read and how the tool points then; ask where that looks wrong."""
-    by_name = arguments.demos.suffix.lower() in (".csv", ".txt") or arguments.demos.is_dir()
-    if by_name:
+    """Print the order in which quaternions were read, and how the tool points then."""
+    if arguments.demos.suffix.lower() not in (".npy", ".npz"):
         order = "the names of the columns say"
     else:
         order = ",".join(quaternion_order(parse_columns(arguments.columns or DEFAULT_COLUMNS)))
@@ -291,12 +289,6 @@ def _report_orientations(arguments: argparse.Namespace, demonstrations: Demonstr
     print(
         f"quaternions read as {order}: the tool's z axis begins {first:.0f} and ends {last:.0f} deg from straight down"
     )
-    if arguments.columns is None and not by_name and looks_scalar_last(demonstrations):
-        _note(
-            f"with the quaternions of {arguments.demos.name} read as qw,qx,qy,qz the tool does not point down, as "
-            f"qx,qy,qz,qw it does: in which order are they? In that of ROS: say --columns {_ROS_COLUMNS}; otherwise "
-            f"say --columns {DEFAULT_COLUMNS}, and this question does not come again"
-        )
 
 
 def _note_the_result(quality: Mapping[str, Any], extent: float) -> None:

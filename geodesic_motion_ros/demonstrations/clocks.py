@@ -86,3 +86,44 @@ def _restarts(stamps: np.ndarray) -> np.ndarray:
     return np.array(
         [fall for fall in falls if np.median(stamps[fall : fall + STAYING]) < stamps[fall - 1] - RESTART], dtype=int
     )
+
+
+#: Seconds in a unit of files; "d" is what spreadsheets count in.
+PER_UNIT = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9, "d": 86400.0}
+#: A step from sample to sample in its unit that shows what the unit is: a recording has more than one sample a second.
+_STEPS = ((1e6, "ns"), (1e3, "us"), (1.0, "ms"))
+#: Days since 1900 that spreadsheets write today, and steps of recordings [s]: as seconds they were a thousandth of it.
+_DAYS, _SHORTEST_STEP, _LONGEST_DAY_STEP = 3e4, 1e-3, 2.0
+#: Later times than this [s] count from 1970, or from when a controller was built, and not from when it began.
+_LATE = 1e6
+
+
+def unit_of_times(times: np.ndarray) -> str:
+    """The unit that times (T,) of a recording must have been written in, by their usual step: of PER_UNIT."""
+    steps = np.diff(times)
+    usual = float(np.median(steps[steps > 0.0])) if np.any(steps > 0.0) else 0.0
+    if np.median(times) > _DAYS and _SHORTEST_STEP < usual * PER_UNIT["d"] < _LONGEST_DAY_STEP:
+        return "d"
+    return next((unit for step, unit in _STEPS if usual >= step), "s")
+
+
+def in_seconds(times: np.ndarray, written: str, name: str) -> tuple[np.ndarray, tuple[Flaw, ...]]:
+    """Times (T,) of the file `name` in seconds, late ones from the first on, and how they were read.
+
+    written : the unit as the file says; "": it says none, and the steps show it.
+    """
+    unit = written or unit_of_times(times)
+    late = len(times) > 0 and abs(times[0]) * PER_UNIT[unit] > _LATE
+    # counted as they are written: milliseconds since 1970 times 0.001 are rounded
+    seconds = PER_UNIT[unit] * (times - times[0] if late else times)
+    if unit == "s":
+        return seconds, ()
+    how = "as the file says" if written else "by their steps"
+    return seconds, (Flaw(name, 0.0, f"has times in {unit}", Action.READ, f"as seconds, {how}"),)
+
+
+def runs_of(times: np.ndarray) -> list[slice]:
+    """The parts of times (T,) that begin again: from a fall, below which those that follow stay."""
+    falls = np.flatnonzero(np.diff(times) < 0.0) + 1
+    begins = [fall for fall in falls if np.median(times[fall : fall + STAYING]) < times[fall - 1]]
+    return [slice(begin, end) for begin, end in zip([0, *begins], [*begins, len(times)], strict=True)]

@@ -86,6 +86,8 @@ def _rising_times(take: Take) -> tuple[Take, list[Flaw]]:
     time = float(take.times[wrong[0]])
     if len(wrong) > LARGEST_SHARE * len(take):
         how = f"times must rise; at most {LARGEST_SHARE:.0%} are repaired"
+        if np.all(np.diff(take.times) >= 0.0):
+            how += ". Are they written with too few digits? Write more of them, or leave t out and give --rate"
         return take, [Flaw(take.name, time, what, Action.REFUSED, how)]
     return take.part(np.delete(np.arange(len(take)), wrong)), [
         Flaw(take.name, time, what, Action.REPAIRED, "they are left out")

@@ -23,6 +23,7 @@ from geodesic_motion_ros.demonstrations.checks import (
 from geodesic_motion_ros.demonstrations.demonstrations import Demonstration, Demonstrations
 from geodesic_motion_ros.geometry.curves import arc_length
 from geodesic_motion_ros.geometry.quaternions import continuous_signs
+from geodesic_motion_ros.utils.checked_numbers import LARGEST_TURN
 from geodesic_motion_ros.utils.errors import DemonstrationError, RobotError
 
 if TYPE_CHECKING:
@@ -170,8 +171,14 @@ class JointDemonstrations:
                 except RobotError as error:
                     radians = np.radians(configuration)
                     degrees = np.all((radians >= robot.lower) & (radians <= robot.upper))
-                    hint = "; are these degrees? Joints are recorded in radians" if degrees else ""
+                    hint = "; are these degrees? Joints are read in radians without --units deg" if degrees else ""
                     raise DemonstrationError(f"demonstration '{item.name}', sample {sample}: {error}{hint}") from error
+            turned = float(np.abs(item.configurations).max())
+            if turned > LARGEST_TURN:  # of joints without an end
+                raise DemonstrationError(
+                    f"demonstration '{item.name}': a joint turns to {turned:.4g} rad, at most {LARGEST_TURN:.4g}; "
+                    "are these degrees? Joints are read in radians without --units deg"
+                )
 
 
 def _tool_demonstration(item: JointDemonstration, robot: Robot) -> Demonstration:

@@ -117,7 +117,7 @@ class JointSamples:
         what = f"has its joints in several messages: {self._groups()}"
         if not np.any(near):
             raise DemonstrationError(f"{name} {what}; they never come at one time")
-        merged = Flaw(name, 0.0, what, Action.CONVERTED, "merged by joint and time")
+        merged = Flaw(name, 0.0, what, Action.READ, "merged by joint and time")
         take = Take(name, at[near] / 1e9, values[near], self._names)
         return ReceivedTake(take, (*clock.flaws(name), merged), received[rarest][first][near], clock.breaks)
 

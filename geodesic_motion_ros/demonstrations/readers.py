@@ -2,31 +2,28 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
+from contextlib import suppress
+from dataclasses import replace
 from pathlib import Path
 from typing import Literal
 
 import numpy as np
 
 from geodesic_motion_ros.demonstrations.checks import check_samples
-from geodesic_motion_ros.demonstrations.demonstrations import Demonstration, Demonstrations, check_norms
-from geodesic_motion_ros.demonstrations.joint_demonstrations import JointDemonstration, JointDemonstrations
-from geodesic_motion_ros.demonstrations.recorded_tables import (
+from geodesic_motion_ros.demonstrations.column_names import (
     DEFAULT_COLUMNS,
     DEMONSTRATION,
     POSITION,
     QUATERNION,
-    SHORT,
     TIME,
-    Table,
-    joint_tables,
-    names_in,
     parse_columns,
-    pose_tables,
 )
+from geodesic_motion_ros.demonstrations.demonstrations import Demonstration, Demonstrations, check_norms
+from geodesic_motion_ros.demonstrations.joint_demonstrations import JointDemonstration, JointDemonstrations
+from geodesic_motion_ros.demonstrations.mapped_tables import TEXT_FILES, MappedTables, mapped_tables
+from geodesic_motion_ros.demonstrations.recorded_tables import Table, joint_tables, names_in, naming, pose_tables
 from geodesic_motion_ros.demonstrations.takes import POSE, Take
-from geodesic_motion_ros.demonstrations.text_tables import parse_mapping, text_tables
 from geodesic_motion_ros.demonstrations.turns import aligned, unwrapped
 from geodesic_motion_ros.geometry.curves import arc_length
 from geodesic_motion_ros.geometry.quaternions import continuous_signs
@@ -34,6 +31,8 @@ from geodesic_motion_ros.utils.checked_numbers import ARM_REACH
 from geodesic_motion_ros.utils.errors import DemonstrationError, FileError
 
 Units = Literal["m", "cm", "mm"]
+ANGLES = ("rad", "deg")
+"""Units of joints."""
 METRES_PER_UNIT: dict[str, float] = {"m": 1.0, "cm": 1e-2, "mm": 1e-3}
 SHORTEST_MOTION = 0.01
 """When no demonstration of a file moves this far [m], its units were taken for too small ones."""
@@ -71,7 +70,7 @@ def read_demonstrations(
     """
     path = Path(path)
     takes = pose_takes(path, units, columns, rate_hz)
-    with _naming(path):
+    with naming(path):
         return demonstrations_of(takes)
 
 
@@ -79,17 +78,20 @@ def pose_takes(path: Path, units: Units, columns: str = DEFAULT_COLUMNS, rate_hz
     """The same as it was recorded, in metres: one take for each demonstration, its times not checked."""
     scale = _metres_per(units)
     if is_mapped(path, columns):
-        tables = text_tables(path, parse_mapping(columns))
+        mapped = mapped_tables(path, columns)
+        if mapped.unit not in ("", units):
+            raise DemonstrationError(f"{path}: its columns are in {mapped.unit}, by their names; --units says {units}")
     else:
-        tables = pose_tables(path, parse_columns(columns), rate_hz)
+        mapped = MappedTables(pose_tables(path, parse_columns(columns), rate_hz))
+    tables = mapped.tables
     _check_reach(tables, scale, units, path)
-    with _naming(path):
+    with naming(path):
         takes = [_pose_take(name, table, scale, rate_hz) for name, table in tables.items()]
         for take in takes:
             check_samples(len(take), take.name)
             check_norms(take.values[:, 3:], take.name)
     _check_motion(takes, scale, units, path)
-    return takes
+    return _as_found(takes, mapped)
 
 
 def demonstrations_of(takes: Sequence[Take]) -> Demonstrations:
@@ -125,26 +127,46 @@ def read_joint_demonstrations(path: str | Path, robot: str, rate_hz: float = 100
     """
     path = Path(path)
     takes = joint_takes(path, robot, rate_hz)
-    with _naming(path):
+    with naming(path):
         return joint_demonstrations_of(takes, robot)
 
 
-def joint_takes(path: Path, robot: str, rate_hz: float = 100.0, columns: str = DEFAULT_COLUMNS) -> list[Take]:
+def joint_takes(
+    path: Path, robot: str, rate_hz: float = 100.0, columns: str = DEFAULT_COLUMNS, units: str | None = None
+) -> list[Take]:
     """The same as it was recorded: one take for each demonstration, joints as the robot's, times not checked.
 
-    columns : of text with any header, our names and those of the file; of other files nothing.
+    columns : of files of other programs, our names and those of the file; of our own nothing.
+    units : "rad" or "deg"; None: as the file says, radians where it does not.
     """
     # compiled kernels, which readers of poses and the help of the command line do without
     from geodesic_motion_ros.robot.kinematics import Robot
 
     names = Robot.named(robot).joint_names
-    mapped = is_mapped(path, columns)
-    tables = text_tables(path, parse_mapping(columns), names) if mapped else joint_tables(path, names, robot, rate_hz)
-    with _naming(path):
-        return [
+    if is_mapped(path, columns):
+        mapped = mapped_tables(path, columns, names)
+        if units and mapped.unit not in ("", units):
+            raise DemonstrationError(f"{path}: its columns are in {mapped.unit}, by their names; --units says {units}")
+    else:
+        mapped = MappedTables(joint_tables(path, names, robot, rate_hz))
+    with naming(path):
+        takes = [
             Take(name, _times(table, len(table[names[0]]), rate_hz), np.array([table[one] for one in names]).T, names)
-            for name, table in tables.items()
+            for name, table in mapped.tables.items()
         ]
+    return _as_found(in_radians(takes, units or mapped.unit), mapped)
+
+
+def in_radians(takes: Sequence[Take], units: str | None) -> list[Take]:
+    """Takes of joints that were recorded in `units`: "deg", "rad", or "" and None, which are radians."""
+    if units not in (*ANGLES, "", None):
+        raise DemonstrationError(f"joints in {units}: they are in {' or '.join(ANGLES)}")
+    return [replace(take, values=np.radians(take.values)) for take in takes] if units == "deg" else [*takes]
+
+
+def _as_found(takes: list[Take], mapped: MappedTables) -> list[Take]:
+    """The takes of a file; what was found in the whole file is the first one's."""
+    return [replace(takes[0], found=mapped.found, in_one_go=mapped.in_one_go), *takes[1:]]
 
 
 def joint_demonstrations_of(takes: Sequence[Take], robot: str) -> JointDemonstrations:
@@ -160,9 +182,15 @@ def joint_demonstrations_of(takes: Sequence[Take], robot: str) -> JointDemonstra
 
 
 def is_mapped(path: Path, columns: str) -> bool:
-    """Whether a file is read as text with any header: a csv whose columns have other names, or other text."""
-    renamed = "=" in columns or not SHORT.keys().isdisjoint(name.strip() for name in columns.split(","))
-    return path.suffix.lower() == ".txt" or (renamed and path.suffix.lower() == ".csv")
+    """Whether a file is one of another program, of which `columns` says which column is which."""
+    suffix = path.suffix.lower()
+    if suffix != ".csv" or path.is_dir():
+        return suffix in TEXT_FILES and not path.is_dir()
+    plain = {name.strip() for name in columns.split(",")} <= {TIME, *POSITION, *QUATERNION}
+    if plain and columns != DEFAULT_COLUMNS:
+        with suppress(OSError, UnicodeDecodeError, FileError, DemonstrationError):
+            return DEMONSTRATION not in names_in(path)
+    return not plain
 
 
 def holds_joints(path: str | Path) -> bool:
@@ -191,17 +219,6 @@ def _positions(table: Table, scale: float) -> np.ndarray:
     """(T, 3) [m], planar recordings at z = 0."""
     zeros = np.zeros(len(table["px"]))
     return scale * np.stack([table.get(name, zeros) for name in POSITION], axis=1)
-
-
-@contextmanager
-def _naming(path: Path) -> Iterator[None]:
-    """Errors name the file; those that do already stay as they are."""
-    try:
-        yield
-    except DemonstrationError as error:
-        if str(error).startswith(str(path)):
-            raise
-        raise DemonstrationError(f"{path}: {error}") from error
 
 
 def _pose_take(name: str, table: Table, scale: float, rate_hz: float) -> Take:

@@ -10,21 +10,21 @@ import io
 import re
 from array import array as numbers
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import IO, TypeVar
 
 import numpy as np
 
+from geodesic_motion_ros.demonstrations.column_names import (
+    DEMONSTRATION,
+    POSITION,
+    TIME,
+    check_complete,
+    quaternion_order,
+)
 from geodesic_motion_ros.utils.checked_files import array_names, brief, opened, read_array, read_arrays
 from geodesic_motion_ros.utils.errors import DemonstrationError, FileError
-
-TIME = "t"
-POSITION = ("px", "py", "pz")
-QUATERNION = ("qw", "qx", "qy", "qz")
-SHORT = {"x": "px", "y": "py", "z": "pz"}
-"""What positions may be called beside."""
-DEFAULT_COLUMNS = "px,py,pz,qw,qx,qy,qz"
-DEMONSTRATION = "demonstration"
 
 LARGEST_RECORDING = 128 << 20
 """Of a file [B]: half an hour of poses at 1 kHz."""
@@ -37,6 +37,17 @@ Table = dict[str, np.ndarray]
 Reader = Callable[[Path, tuple[str, ...]], dict[str, Table]]
 """From a file and the names of its columns to tables by the names of the demonstrations."""
 Content = TypeVar("Content")
+
+
+@contextmanager
+def naming(path: Path) -> Iterator[None]:
+    """Errors name the file; those that do already stay as they are."""
+    try:
+        yield
+    except DemonstrationError as error:
+        if str(error).startswith(str(path)):
+            raise
+        raise DemonstrationError(f"{path}: {error}") from error
 
 
 def pose_tables(path: Path, names: tuple[str, ...], rate_hz: float) -> dict[str, Table]:
@@ -113,40 +124,6 @@ def _merged(tables_of: Sequence[tuple[Path, dict[str, Table]]]) -> dict[str, Tab
                 raise DemonstrationError(f"{file}: another file of the folder has a demonstration {brief(name)}, too")
             merged[name] = table
     return merged
-
-
-def parse_columns(columns: str) -> tuple[str, ...]:
-    """Column names out of "px,py,...". DemonstrationError names unknown, repeated and missing ones."""
-    names = tuple(SHORT.get(name.strip(), name.strip()) for name in columns.split(","))
-    known = (TIME, *POSITION, *QUATERNION)
-    unknown = [name for name in names if name not in known]
-    if unknown:
-        raise DemonstrationError(
-            f"unknown column '{unknown[0]}' in '{columns}'; known are {', '.join(known)}"
-        )
-    repeated = [name for name in names if names.count(name) > 1]
-    if repeated:
-        raise DemonstrationError(f"column {repeated[0]} stands more than once in '{columns}'")
-    check_complete(names, f"'{columns}'")
-    return names
-
-
-def quaternion_order(names: tuple[str, ...]) -> tuple[str, ...]:
-    """The order of qw, qx, qy, qz in names of columns; scalar first where they are not among them."""
-    return tuple(name for name in names if name in QUATERNION) or QUATERNION
-
-
-def check_complete(names: tuple[str, ...], where: str) -> None:
-    """Allowed: px,py - px,py,pz - px,py,pz and the whole quaternion; each with or without t."""
-    needed = POSITION[:2] if set(names) <= {TIME, *POSITION[:2]} else POSITION
-    if set(names) & set(QUATERNION):
-        needed = POSITION + QUATERNION
-    missing = [name for name in needed if name not in names]
-    if missing:
-        raise DemonstrationError(
-            f"{where} lacks {', '.join(missing)}; needed are px,py,pz,qw,qx,qy,qz, or px,py,pz, or px,py, "
-            "each with or without t"
-        )
 
 
 def _read_npy(path: Path, names: tuple[str, ...]) -> dict[str, Table]:
@@ -297,17 +274,16 @@ def _check_header(header: list[str], names: tuple[str, ...], path: Path) -> None
     unknown = [name for name in header if name not in allowed]
     repeated = [name for name in header if header.count(name) > 1]
     expected = f"expected are {', '.join((DEMONSTRATION, *names))} in any order"
+    of_others = f"; of other programs' files say which column is which: --columns {names[0]}=NAME,..."
     if not any(header):
         raise DemonstrationError(f"{path}: empty; it needs a header {','.join((DEMONSTRATION, *names))}")
     for separator, called in ((";", "semicolons"), ("\t", "tabs")):
         if separator in header[0]:
-            raise DemonstrationError(
-                f"{path}: the header has {called} between its columns; write commas there, and decimals with points"
-            )
+            raise DemonstrationError(f"{path}: the header has {called} between its columns{of_others}")
     if unknown:
-        raise DemonstrationError(f"{path}: unknown column {brief(unknown[0])} in the header; {expected}")
+        raise DemonstrationError(f"{path}: unknown column {brief(unknown[0])} in the header; {expected}{of_others}")
     if missing:
-        raise DemonstrationError(f"{path}: the header lacks {', '.join(missing)}; {expected}")
+        raise DemonstrationError(f"{path}: the header lacks {', '.join(missing)}; {expected}{of_others}")
     if repeated:
         raise DemonstrationError(f"{path}: column {repeated[0]} stands more than once in the header")
 

@@ -11,7 +11,7 @@ from geodesic_motion_ros.demonstrations import bags
 from geodesic_motion_ros.demonstrations.demonstrations import Demonstrations
 from geodesic_motion_ros.demonstrations.flaws import find_strangers, repair_demonstration, repair_samples
 from geodesic_motion_ros.demonstrations.joint_demonstrations import JointDemonstrations
-from geodesic_motion_ros.demonstrations.readers import demonstrations_of, joint_demonstrations_of
+from geodesic_motion_ros.demonstrations.readers import demonstrations_of, in_radians, joint_demonstrations_of
 from geodesic_motion_ros.demonstrations.splitting import Split, split
 from geodesic_motion_ros.demonstrations.takes import NO_FLAW, Action, Flaw, Take
 from geodesic_motion_ros.demonstrations.turns import aligned, unwrapped
@@ -48,12 +48,16 @@ class Recording:
     def of_files(cls, takes: Sequence[Take], robot: str = "") -> Recording:
         """Takes that are one demonstration each. DemonstrationError: a value that cannot be used."""
         repaired = [_repaired(take, robot) for take in takes]
-        flaws = [flaw for _, found in repaired for flaw in found]
+        flaws = [flaw for take, (_, found) in zip(takes, repaired, strict=True) for flaw in (*take.found, *found)]
         return cls._of(takes, [take for take, _ in repaired], flaws, robot)
 
     @classmethod
-    def of_bags(cls, paths: Sequence[Path], topic: str | None, how: Split, robot: str) -> Recording:
-        """Bags with one or more demonstrations each; robot : whose joints are read where the topic has joints.
+    def of_bags(
+        cls, paths: Sequence[Path], topic: str | None, how: Split, robot: str, units: str | None = None
+    ) -> Recording:
+        """Bags with one or more demonstrations each.
+
+        robot : whose joints are read where the topic has joints. units : of joints, "deg", or "rad" as ROS has them.
 
         Raises
         ------
@@ -63,7 +67,10 @@ class Recording:
         for path in paths:
             source, found = bags.chosen_source(path, topic)
             names = _robot(robot).joint_names if found.kind == bags.JOINTS else ()
-            reads.append(_in_base(bags.read_take(path, source, names, how.marker), robot))
+            read = bags.read_take(path, source, names, how.marker)
+            if names:
+                read = replace(read, take=in_radians([read.take], units)[0])
+            reads.append(_in_base(read, robot))
         takes = [read.take for read in reads]
         if len({take.of_joints for take in takes}) > 1:
             raise DemonstrationError("some of the bags have joints and some have poses: name one topic with --topic")
@@ -79,7 +86,7 @@ class Recording:
         flaws: list[Flaw] = []
         for read in reads:
             take, repaired = _repaired(read.take, robot)
-            flaws += [*read.flaws, *repaired]
+            flaws += [*read.flaws, *take.found, *repaired]
             if not any(flaw.action is Action.REFUSED for flaw in repaired):
                 parts, between = split(take, how, read.markers, read.breaks)
                 motions += parts

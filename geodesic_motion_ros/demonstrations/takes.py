@@ -9,43 +9,9 @@ from enum import Enum
 import numpy as np
 
 from geodesic_motion_ros.demonstrations.checks import columns, times_in_seconds
-from geodesic_motion_ros.demonstrations.recorded_tables import POSITION, QUATERNION
+from geodesic_motion_ros.demonstrations.column_names import POSITION, QUATERNION
 
 POSE = (*POSITION, *QUATERNION)
-
-
-@dataclass(frozen=True, eq=False)
-class Take:
-    """Samples in the order in which they were recorded; DemonstrationError where one is not finite, or not in seconds.
-
-    Attributes
-    ----------
-    name : what messages call it.
-    times : (T,) [s]; may repeat, fall and have gaps.
-    values : (T, C) joints [rad] or poses: positions [m] and, where recorded, quaternions, neighbours in one hemisphere.
-    names : (C,) of the columns: those of the joints, or the first of POSE.
-    """
-
-    name: str
-    times: np.ndarray
-    values: np.ndarray
-    names: tuple[str, ...]
-
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "times", times_in_seconds(self.times, self.name))
-        object.__setattr__(self, "values", columns(self.values, self.names, self.name, self.times))
-
-    def __len__(self) -> int:
-        return len(self.times)
-
-    @property
-    def of_joints(self) -> bool:
-        """Whether the columns are joints."""
-        return self.names[0] not in POSITION
-
-    def part(self, samples: slice | np.ndarray, name: str | None = None) -> Take:
-        """Those samples alone, under another name if one is given."""
-        return replace(self, times=self.times[samples], values=self.values[samples], name=name or self.name)
 
 
 class Action(Enum):
@@ -57,12 +23,12 @@ class Action(Enum):
     REFUSED = "refused"
     #: What lies between demonstrations, and is no flaw of them.
     PASSED_OVER = "passed over"
-    #: How something was read that recorders write in several forms; certain, and no flaw.
-    CONVERTED = "converted"
+    #: How it was read, of what recorders write in several forms: certain, and no flaw.
+    READ = "read"
 
 
 #: What even --strict accepts.
-NO_FLAW = (Action.PASSED_OVER, Action.CONVERTED)
+NO_FLAW = (Action.PASSED_OVER, Action.READ)
 
 
 @dataclass(frozen=True)
@@ -86,6 +52,44 @@ class Flaw:
     def __str__(self) -> str:
         done = f"{self.action.value}: {self.how}" if self.how else self.action.value
         return f"'{self.demonstration}' {self.what}, at {self.time:.2f} s; {done}"
+
+
+@dataclass(frozen=True, eq=False)
+class Take:
+    """Samples in the order in which they were recorded; DemonstrationError where one is not finite, or not in seconds.
+
+    Attributes
+    ----------
+    name : what messages call it.
+    times : (T,) [s]; may repeat, fall and have gaps.
+    values : (T, C) joints [rad] or poses: positions [m] and, where recorded, quaternions, neighbours in one hemisphere.
+    names : (C,) of the columns: those of the joints, or the first of POSE.
+    found : how the file was read that it is from, and what was wrong there.
+    in_one_go : whether nothing in the file says where a demonstration begins.
+    """
+
+    name: str
+    times: np.ndarray
+    values: np.ndarray
+    names: tuple[str, ...]
+    found: tuple[Flaw, ...] = ()
+    in_one_go: bool = False
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "times", times_in_seconds(self.times, self.name))
+        object.__setattr__(self, "values", columns(self.values, self.names, self.name, self.times))
+
+    def __len__(self) -> int:
+        return len(self.times)
+
+    @property
+    def of_joints(self) -> bool:
+        """Whether the columns are joints."""
+        return self.names[0] not in POSITION
+
+    def part(self, samples: slice | np.ndarray, name: str | None = None) -> Take:
+        """Those samples alone, under another name if one is given."""
+        return replace(self, times=self.times[samples], values=self.values[samples], name=name or self.name)
 
 
 def per_column(sizes: Mapping[str, float], names: Sequence[str]) -> np.ndarray:

@@ -33,7 +33,7 @@ def unwrapped(take: Take, robot: Robot) -> tuple[Take, list[Flaw]]:
         return take, []
     first = int(np.argmax(np.any(turns[:, passed] != 0.0, axis=1)))
     what = f"steps by whole turns in {_listed(take, passed)}"
-    flaw = Flaw(take.name, float(take.times[first]), what, Action.CONVERTED, "the joint turns on")
+    flaw = Flaw(take.name, float(take.times[first]), what, Action.READ, "as a joint that turns on")
     return replace(take, values=np.where(passed, values, take.values)), [flaw]
 
 
@@ -46,7 +46,7 @@ def aligned(motions: Sequence[Take], robot: Robot) -> tuple[list[Take], list[Fla
         turns = np.where(endless, np.rint(apart / TURN), 0.0)
         if np.any(turns != 0.0):
             what = f"is whole turns from '{motions[0].name}' in {_listed(motion, turns != 0.0)}"
-            flaws.append(Flaw(motion.name, float(motion.times[0]), what, Action.CONVERTED, "these are taken out"))
+            flaws.append(Flaw(motion.name, float(motion.times[0]), what, Action.READ, "without them"))
             motion = replace(motion, values=motion.values - TURN * turns)
         moved.append(motion)
     return moved, flaws

@@ -9,9 +9,9 @@ from pathlib import Path
 
 import numpy as np
 
+from geodesic_motion_ros.demonstrations.column_names import DEMONSTRATION, TIME
 from geodesic_motion_ros.demonstrations.demonstrations import Demonstrations
 from geodesic_motion_ros.demonstrations.joint_demonstrations import JointDemonstrations
-from geodesic_motion_ros.demonstrations.recorded_tables import DEMONSTRATION, TIME
 from geodesic_motion_ros.demonstrations.takes import Take
 from geodesic_motion_ros.utils.errors import DemonstrationError
 from geodesic_motion_ros.utils.whole_files import written_whole

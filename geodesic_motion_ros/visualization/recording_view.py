@@ -1,4 +1,4 @@
-"""Picture of a recording: positions over time, the demonstrations in it, and what was found marked."""
+"""Picture of a recording: positions and orientations over time, the demonstrations in it, and what was found marked."""
 
 from __future__ import annotations
 
@@ -56,8 +56,13 @@ def _draw_take(
     axes: Axes, take: Take, motions: Sequence[Take], left_out: frozenset[str], flaws: Sequence[Flaw]
 ) -> None:
     step = max(1, len(take) // _MOST_SAMPLES)
+    of_joints, beside = take.of_joints, None if take.of_joints or len(take.names) == 3 else axes.twinx()
     for number, column in enumerate(take.values.T):
-        axes.plot(take.times[::step], column[::step], color=f"C{number % 10}", lw=0.9)
+        drawn, style = (axes, "-") if of_joints or number < 3 else (beside, ":")
+        drawn.plot(take.times[::step], column[::step], color=f"C{number % 10}", lw=0.9, ls=style)
+    if beside is not None:
+        beside.set_ylabel("quaternion (dotted)", fontsize=8)
+        beside.set_ylim(-1.05, 1.05)
     for motion in motions:
         out = motion.name in left_out
         axes.axvspan(motion.times[0], motion.times[-1], color=VERMILION if out else BLUE, alpha=0.15 if out else 0.12)
@@ -65,5 +70,5 @@ def _draw_take(
         if flaw.action in _COLOURS:
             axes.axvline(flaw.time, color=_COLOURS[flaw.action], ls="--", lw=1.0)
     axes.set_title(take.name, fontsize=8, loc="left")
-    axes.set_ylabel("joints [rad]" if take.of_joints else "position [m]", fontsize=8)
+    axes.set_ylabel("joints [rad]" if of_joints else "position [m]", fontsize=8)
     axes.margins(x=0.01)

@@ -169,18 +169,18 @@ def poured(tmp_path, order: str) -> list[str]:
     return ["train", *out, "--steps", "1", "--kernels", "10"]
 
 
-def test_a_recording_in_the_order_of_ros_is_asked_about(tmp_path, capsys) -> None:
+def test_a_recording_in_the_order_of_ros_is_refused_until_the_order_is_said(tmp_path, capsys) -> None:
     arguments = poured(tmp_path, "qx,qy,qz,qw")
-    assert main(arguments) == 0
-    shown = capsys.readouterr()
-    assert "quaternions read as qw,qx,qy,qz: the tool's z axis begins 180 and ends 180 deg from" in shown.out
-    assert "say --columns px,py,pz,qx,qy,qz,qw; otherwise say --columns px,py,pz,qw,qx,qy,qz" in shown.err
-    assert main([*arguments, "--columns", "px,py,pz,qx,qy,qz,qw"]) == 0
-    shown = capsys.readouterr()
-    assert "quaternions read as qx,qy,qz,qw: the tool's z axis begins 90 and ends 0 deg from straight down" in shown.out
-    assert "--columns" not in shown.err
-    assert main([*arguments, "--columns", "px,py,pz,qw,qx,qy,qz"]) == 0
-    assert "--columns" not in capsys.readouterr().err
+    shown = ["inspect", arguments[2], "--units", "m", "--picture", str(tmp_path / "p.png")]
+    for command in (arguments, shown):
+        assert main(command) == 2
+        error = capsys.readouterr().err
+        assert "say --columns px,py,pz,qx,qy,qz,qw; otherwise say --columns px,py,pz,qw,qx,qy,qz" in error
+    assert not (tmp_path / "skill").exists()
+    for columns, begins, ends in (("px,py,pz,qx,qy,qz,qw", 90, 0), ("px,py,pz,qw,qx,qy,qz", 180, 180)):
+        assert main([*arguments, "--columns", columns]) == 0
+        assert f"the tool's z axis begins {begins} and ends {ends} deg from straight down" in capsys.readouterr().out
+        assert main([*shown, "--columns", columns]) == 0
 
 
 def test_a_recording_in_the_order_of_the_scalar_first_is_not_asked_about(tmp_path, capsys) -> None:

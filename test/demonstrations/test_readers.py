@@ -3,12 +3,12 @@ import csv
 import numpy as np
 import pytest
 
+from geodesic_motion_ros.demonstrations.column_names import parse_columns
 from geodesic_motion_ros.demonstrations.readers import (
     holds_joints,
     read_demonstrations,
     read_joint_demonstrations,
 )
-from geodesic_motion_ros.demonstrations.recorded_tables import parse_columns
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.utils.errors import DemonstrationError, RobotError
 

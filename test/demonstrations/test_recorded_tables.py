@@ -7,7 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from geodesic_motion_ros.demonstrations.recorded_tables import joint_tables, names_in, parse_columns, pose_tables
+from geodesic_motion_ros.demonstrations.column_names import parse_columns
+from geodesic_motion_ros.demonstrations.recorded_tables import joint_tables, names_in, pose_tables
 from geodesic_motion_ros.utils.errors import DemonstrationError
 
 COLUMNS = "t,px,py,pz,qw,qx,qy,qz"

@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from geodesic_motion_ros.demonstrations.column_names import of_poses, parse_mapping
+from geodesic_motion_ros.demonstrations.mapped_tables import mapped_tables
 from geodesic_motion_ros.demonstrations.readers import pose_takes, read_demonstrations, read_joint_demonstrations
-from geodesic_motion_ros.demonstrations.text_tables import of_poses, parse_mapping, text_tables
 from geodesic_motion_ros.utils.errors import DemonstrationError
 
 ROWS = [(0.0, 0.1, 0.2, 0.3, 9.0), (0.1, 0.2, 0.2, 0.3, 9.0), (0.2, 0.3, 0.2, 0.3, 9.0)]
@@ -24,7 +25,7 @@ def text(separator: str, header=HEADER, rows=ROWS) -> str:
 def test_columns_are_mapped_and_others_passed_over(separator, comment, tmp_path) -> None:
     path = tmp_path / "log.txt"
     path.write_text(comment + text(separator))
-    (name, table), = text_tables(path, parse_mapping(MAPPING)).items()
+    (name, table), = mapped_tables(path, MAPPING).tables.items()
     assert (name, sorted(table)) == ("log", ["px", "py", "pz", "t"])
     read = np.stack([table[key] for key in ("t", "px", "py", "pz")], axis=1)
     np.testing.assert_array_equal(read, np.array(ROWS)[:, :4])
@@ -50,11 +51,11 @@ def test_a_column_may_say_which_demonstration_a_sample_belongs_to(tmp_path) -> N
 def test_joints_are_mapped_by_their_names(tmp_path) -> None:
     path = tmp_path / "arm.txt"
     path.write_text(text(" ", ("q1", "q0"), [(0.1, 0.2), (0.3, 0.4)]))
-    table = text_tables(path, parse_mapping("shoulder=q0,elbow=q1"), ("shoulder", "elbow"))["arm"]
+    table = mapped_tables(path, "shoulder=q0,elbow=q1", ("shoulder", "elbow")).tables["arm"]
     np.testing.assert_array_equal(table["shoulder"], [0.2, 0.4])
-    with pytest.raises(DemonstrationError, match="elbow are not mapped; ours are demonstration, elbow, shoulder, t"):
-        text_tables(path, parse_mapping("shoulder=q0"), ("shoulder", "elbow"))
-    with pytest.raises(DemonstrationError, match="'px' is none of ours; ours are demonstration, panda_joint1"):
+    with pytest.raises(DemonstrationError, match="elbow are not mapped; ours are demonstration, elbow, nanosec"):
+        mapped_tables(path, "shoulder=q0", ("shoulder", "elbow"))
+    with pytest.raises(DemonstrationError, match=r"panda_joint1, .* are not mapped; ours are demonstration"):
         read_joint_demonstrations(path, "panda")
     assert not of_poses(parse_mapping("t=stamp,panda_joint1=q0"))
     assert of_poses(parse_mapping(MAPPING))
@@ -71,13 +72,13 @@ def test_what_is_no_mapping_is_refused(columns) -> None:
     [
         (text(","), "px=a,py=y,pz=z", r"log.csv: column 'a' is not there; there are 'stamp, x, y, z, force'"),
         (text(",", ("x", "x", "y", "z", "t")), "px=x,py=y,pz=z", r"column 'x' is more than once there"),
-        (text(","), "speed=x,px=x,py=y", r"'speed' is none of ours; ours are demonstration, px, py, pz, qw"),
+        (text(","), "speed=x,px=x,py=y", r"'speed' is none of ours; ours are demonstration, matrix, nanosec, px, py"),
         (text(","), "px=x,pz=z", r"lacks py"),
         (text(",") + "0.3,0.4\n", MAPPING, r"log.csv, line 5: 2 cells under 5 columns"),
         (text(",") + "0.3,high,0.2,0.3,1\n", MAPPING, r"log.csv, line 5, column px: 'high' is not a number"),
-        (text(",") + "0.3,nan,0.2,0.3,1\n", MAPPING, r"sample 3, column px: nan is not a finite number"),
+        (text(",", rows=[("", "nan", 0.2, 0.3, 1)]), MAPPING, r"no row has a number in each of t, px, py, pz"),
         ("", MAPPING, "holds no demonstrations"),
-        (20_000 * "x", MAPPING, "line 1: longer than"),
+        (200_000 * "x", MAPPING, "line 1: longer than"),
     ],
 )
 def test_what_cannot_be_read_is_refused_by_its_place(content, columns, message, tmp_path) -> None:

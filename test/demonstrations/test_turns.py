@@ -32,7 +32,7 @@ def test_a_joint_that_wraps_turns_on(first: float, lowest: float) -> None:
     motion, flaws = unwrapped(take(wrapped(angles, lowest), STILL, STILL), ROBOT)
     np.testing.assert_allclose(np.diff(motion.values[:, 0]), np.diff(angles), atol=1e-12)
     assert motion.values[0, 0] == wrapped(angles, lowest)[0]
-    assert [flaw.action for flaw in flaws] == ([Action.CONVERTED] if np.ptp(wrapped(angles, lowest)) > 2.0 else [])
+    assert [flaw.action for flaw in flaws] == ([Action.READ] if np.ptp(wrapped(angles, lowest)) > 2.0 else [])
 
 
 def test_joints_that_pass_are_named_with_the_time() -> None:

@@ -1,0 +1,69 @@
+"""Conventions of orientations in files -> quaternions, scalar first."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from geodesic_motion_ros.demonstrations.column_names import MATRIX, POSITION, QUATERNION, ROTATION_VECTOR
+from geodesic_motion_ros.geometry.quaternions import continuous_signs, from_rotation
+from geodesic_motion_ros.utils.errors import DemonstrationError
+
+#: Rotation vectors of a controller are no longer than half a turn [rad], and a little for rounding.
+LONGEST_VECTOR = np.pi + 0.01
+#: What numbers of a rotation matrix may be off.
+_ROUNDING = 1e-2
+
+
+def of_rotation_vectors(vectors: np.ndarray, name: str) -> np.ndarray:
+    """Quaternions (T, 4), neighbours in one hemisphere, of rotation vectors (T, 3) [rad] in the base frame.
+
+    A turn by about half a turn is written as one vector or as its opposite: where the sign flips nothing jumps.
+    DemonstrationError: a vector is longer than half a turn, as degrees and Euler angles are.
+    """
+    lengths = np.linalg.norm(vectors, axis=1)
+    long = np.flatnonzero(lengths > LONGEST_VECTOR)
+    if len(long):
+        degrees = np.all(lengths <= np.degrees(LONGEST_VECTOR)) and lengths.max() > 2.0 * np.pi
+        kind = "degrees or Euler angles" if degrees else "Euler angles"
+        raise DemonstrationError(
+            f"demonstration '{name}', sample {long[0]}: the rotation vector rx,ry,rz is {lengths[long[0]]:.4g} long, "
+            f"more than half a turn [rad]: are these {kind}? Convert those to qw,qx,qy,qz"
+        )
+    return continuous_signs(from_rotation(Rotation.from_rotvec(vectors)))
+
+
+def of_matrices(matrices: np.ndarray, name: str) -> tuple[np.ndarray, np.ndarray]:
+    """Positions (T, 3), in the unit of the file, and quaternions (T, 4) of homogeneous matrices (T, 16).
+
+    They are written in rows, or in columns as libfranka does: where the zeros and the one at the end are says which.
+    DemonstrationError: neither, or no rotation.
+    """
+    square = matrices.reshape(-1, 4, 4)
+    orders = [each for each in (square, square.transpose(0, 2, 1)) if np.allclose(each[:, 3], [0.0, 0.0, 0.0, 1.0])]
+    if not orders:
+        raise DemonstrationError(f"demonstration '{name}': the 16 columns are no homogeneous matrix of a pose")
+    rotation, position = orders[0][:, :3, :3], orders[0][:, :3, 3]
+    wrong = np.flatnonzero(
+        (np.abs(rotation @ rotation.transpose(0, 2, 1) - np.eye(3)).max(axis=(1, 2)) > _ROUNDING)
+        | (np.linalg.det(rotation) < 0.0)
+    )
+    if len(wrong):
+        handed = "a left-handed frame" if np.linalg.det(rotation[wrong[0]]) < 0.0 else "no rotation"
+        raise DemonstrationError(f"demonstration '{name}', sample {wrong[0]}: its matrix is {handed}")
+    return position, continuous_signs(from_rotation(Rotation.from_matrix(rotation)))
+
+
+def in_quaternions(table: Mapping[str, np.ndarray], name: str) -> dict[str, np.ndarray]:
+    """A table of a demonstration with its orientations as qw, qx, qy, qz, whatever columns it has them in."""
+    converted = dict(table)
+    if MATRIX in converted:
+        position, quaternions = of_matrices(converted.pop(MATRIX), name)
+        converted |= dict(zip(POSITION, position.T, strict=True))
+    elif ROTATION_VECTOR[0] in converted:
+        quaternions = of_rotation_vectors(np.stack([converted.pop(one) for one in ROTATION_VECTOR], axis=1), name)
+    else:
+        return converted
+    return converted | dict(zip(QUATERNION, quaternions.T, strict=True))
