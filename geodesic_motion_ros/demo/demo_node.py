@@ -13,8 +13,9 @@ import os
 import sys
 import time
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -27,6 +28,7 @@ from geodesic_motion_ros.demo.demo_run import (
     Probe,
     Processes,
     Recording,
+    Tick,
     isolated_environment,
     termination_as_interrupt,
 )
@@ -43,6 +45,8 @@ from geodesic_motion_ros.utils.tables import write_json
 
 #: What the demo promises; and the rate [Hz] below which it warns that the machine is busy.
 LARGEST_ERROR_MM, LARGEST_ERROR_DEG, LEAST_RATE = 10.0, 3.0, 99.0
+#: A planner's period [ms], and the causes of a deadline that is missed.
+PERIOD_MS, CAUSES = 10.0, ("no path", "search", "machine")
 #: The run without avoidance ends this long after the first contact [s].
 AFTER_CONTACT = 3.0
 
@@ -86,13 +90,13 @@ class Demo:
                 "arm, none where nothing stands there, or another --skill"
             ) from error
 
-    def run(self, run: Run) -> Recording:
-        """Start both nodes, let the arm move, end the nodes."""
+    def run(self, run: Run, say: Callable[[str], None]) -> Recording:
+        """Start both nodes, let the arm move, end the nodes; say : called with what is waited for."""
         environment = isolated_environment(self._domain)
         with Processes(self._out / run.key, environment) as processes:
             processes.start("twin", self._twin_parameters(run))
             processes.start("planner", self._planner_parameters(run))
-            with Probe(processes, self._domain, self.scene.skill.base_frame, self.scene.goal) as probe:
+            with Probe(processes, self._domain, self.scene.skill.base_frame, self.scene.goal, say) as probe:
                 # An arm that has hit the obstacle is stuck there: what follows shows nothing.
                 return probe.run(math.inf if run.avoidance else AFTER_CONTACT)
 
@@ -139,24 +143,39 @@ def figures(recording: Recording, goal: np.ndarray, obstacle: bool) -> dict[str,
     ticks = recording.ticks
     if len(ticks) < 2 or not recording.positions:
         raise DemoError("the planner has never planned: see its log")
-    stamps, numbers, durations, misses, codes = zip(*ticks, strict=True)
+    first, last = ticks[0], ticks[-1]
     # A status is sent from within its tick, with the duration of the one before.
-    p50, p99 = np.percentile(durations[1:], [50.0, 99.0])
+    p50, p99 = np.percentile([tick.duration for tick in ticks[1:]], [50.0, 99.0])
     distance = np.linalg.norm(recording.positions[-1] - goal[:3])
     angle = angle_between(recording.quaternions[-1], goal[3:])
     return {
-        "rate_hz": (numbers[-1] - numbers[0]) / (stamps[-1] - stamps[0]),
+        "rate_hz": (last.number - first.number) / (last.stamp - first.stamp),
         "tick_ms_p50": float(p50),
         "tick_ms_p99": float(p99),
-        "deadline_misses": misses[-1] - misses[0],
+        "deadline_misses": last.misses - first.misses,
+        "misses_by_cause": misses_by_cause(ticks),
         "stolen_percent": recording.stolen_percent,
         "goal_error_mm": 1000.0 * float(distance),
         "goal_error_deg": math.degrees(float(angle)),
         "min_clearance_mm": 1000.0 * recording.min_clearance if obstacle else None,
         "contacts": recording.contacts,
         "seconds_to_goal": None if math.isnan(recording.arrived) else recording.arrived,
-        "verdicts": dict(Counter(codes)),
+        "verdicts": dict(Counter(tick.code for tick in ticks)),
+        "newest": recording.newest,
     }
+
+
+def misses_by_cause(ticks: Sequence[Tick]) -> dict[str, int]:
+    """How many deadlines were missed, by what the tick was about that missed them.
+
+    machine : it had less than a period of work, and waited for the rest. no path : it had more, and came to no path.
+    search : it had more, and came to one.
+    """
+    counted = Counter(dict.fromkeys(CAUSES, 0))
+    for before, after in pairwise(ticks):
+        cause = "machine" if after.work <= PERIOD_MS else "search" if before.code == "OK" else "no path"
+        counted[cause] += after.misses - before.misses
+    return dict(counted)
 
 
 def missed_bars(summary: Mapping[str, Any]) -> list[str]:
@@ -194,19 +213,16 @@ def slow_runs(summary: Mapping[str, Any]) -> list[str]:
 
 def table(summary: Mapping[str, Any]) -> str:
     """The figures as a table, one row a run, and with which planner parameters other than the defaults."""
-    head = ("", "rate", "tick p50", "tick p99", "deadline", "goal error", "smallest", "steps with")
-    units = ("", "Hz", "ms", "ms", "misses", "mm / deg", "clearance mm", "contact")
+    head = ("", "rate", "tick p50", "tick p99", "missed deadlines:", "goal error", "smallest", "steps with")
+    units = ("", "Hz", "ms", "ms", " / ".join(CAUSES), "mm / deg", "clearance mm", "contact")
     rows = [head, units]
     for run in RUNS:
         row = summary[run.key]
         clearance = "-" if row["min_clearance_mm"] is None else f"{row['min_clearance_mm']:.1f}"
-        rows.append(
-            (
-                run.title, f"{row['rate_hz']:.1f}", f"{row['tick_ms_p50']:.1f}", f"{row['tick_ms_p99']:.1f}",
-                str(row["deadline_misses"]), f"{row['goal_error_mm']:.2f} / {row['goal_error_deg']:.2f}", clearance,
-                str(row["contacts"]),
-            )
-        )  # fmt: skip
+        misses = " / ".join(str(row["misses_by_cause"][cause]) for cause in CAUSES)
+        error = f"{row['goal_error_mm']:.2f} / {row['goal_error_deg']:.2f}"
+        ticks = (f"{row[name]:.1f}" for name in ("rate_hz", "tick_ms_p50", "tick_ms_p99"))
+        rows.append((run.title, *ticks, misses, error, clearance, str(row["contacts"])))
     widths = [max(len(row[i]) for row in rows) for i in range(len(head))]
     lines = ["  ".join(f"{cell:>{width}}" if i else f"{cell:<{width}}" for i, (cell, width) in
              enumerate(zip(row, widths, strict=True))) for row in rows]  # fmt: skip
@@ -232,7 +248,7 @@ def perform(skill: str, declared: str, out: Path, gui: bool, domain: int, pictur
     summary: dict[str, Any] = {"skill": scene.skill.name, "parameters": dict(scene.patience)}
     for number, run in enumerate(RUNS, 1):
         say(f"run {number} of {len(RUNS)}: {run.title}")
-        recordings[run.key] = demo.run(run)
+        recordings[run.key] = demo.run(run, say)
         summary[run.key] = figures(recordings[run.key], scene.goal, run.obstacle)
         say(f"  {_outcome(summary[run.key])}")
         taken = scene.families(recordings[run.key])
@@ -260,10 +276,12 @@ def perform(skill: str, declared: str, out: Path, gui: bool, domain: int, pictur
 def _outcome(row: Mapping[str, Any]) -> str:
     arrived = row["seconds_to_goal"]
     text = "the goal was not reached" if arrived is None else f"at the goal after {arrived:.1f} s"
-    if row["min_clearance_mm"] is None:
-        return text
     if row["contacts"]:
         return f"{text}, after hitting the obstacle"
+    if arrived is None:
+        return f"{text}; the planner says: {row['newest']}"
+    if row["min_clearance_mm"] is None:
+        return text
     return f"{text}, past the obstacle with {row['min_clearance_mm']:.0f} mm to spare"
 
 

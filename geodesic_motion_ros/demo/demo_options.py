@@ -36,7 +36,9 @@ what it writes to the folder OUT:
   RUN/*.yaml, RUN/*.log    the parameter files and logs of the two nodes of each run
 
 exit code: 0 when the demo does what it promises, 1 when it does not (it says what), 2 when it cannot be as requested,
-130 after Ctrl-C; a machine so busy that the planner misses its rate gets a warning
+130 after Ctrl-C; a machine so busy that the planner misses its rate gets a warning, and is waited for as long as the
+nodes live. The table counts missed deadlines, of 10 ms, by their cause: a tick worked longer and came to no path, or to
+one (search), or worked less, and waited for the machine
 
 To look at it in RViz, join its ROS domain: demo --domain 7, and in another terminal
   ROS_DOMAIN_ID=7 ROS_AUTOMATIC_DISCOVERY_RANGE=LOCALHOST rviz2 -d config/geodesic_motion.rviz"""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -13,7 +14,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 from types import MappingProxyType
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import rclpy
@@ -34,12 +35,29 @@ from geodesic_motion_ros.utils.errors import GeodesicMotionError
 
 # The arm has arrived when it has been this close to the goal for this long.
 ARRIVAL_DISTANCE, ARRIVAL_ANGLE, ARRIVAL_TIME = 0.003, math.radians(0.5), 0.5
-# Longest time [s] to wait for processes that start, and for a motion that takes five seconds undisturbed.
-START_PATIENCE, MOTION_PATIENCE = 60.0, 25.0
+# An arm that stands elsewhere than at the goal is waited for so long [s]; it has moved when its tool is so far
+# [m] from where it stood. Processes that start, and a planner that has not planned yet, are waited for while they live.
+STANDING_PATIENCE, MOVED = 25.0, 0.002
+_LOG_PREFIX = re.compile(r"^(\[[^]]*\] )*\[[^]]*\]: ")
+# What is waited for is said every so often [s].
+_SAID_EVERY = 10.0
 
 
 class DemoError(GeodesicMotionError):
     """A process of the demo has ended or does not answer; says which one and where its log is."""
+
+
+class Tick(NamedTuple):
+    """A status of the planner, sent from within a tick: when [s], the tick's number, the duration and the processor
+    time of the tick before [ms], the deadlines that were missed until then, and the code.
+    """
+
+    stamp: float
+    number: int
+    duration: float
+    work: float
+    misses: int
+    code: str
 
 
 @dataclass
@@ -50,7 +68,8 @@ class Recording:
     ----------
     pose_times (n,), positions (n, 3) [m], quaternions (n, 4) ; joint_times (m,), joints (m, 7) [rad].
     obstacle_times (k,), obstacles (k, 3) [m] : centres of the moving sphere.
-    ticks : one (stamp, tick, duration of the tick before [ms], misses, code) per status of the planner.
+    ticks : one per status of the planner.
+    newest : what the planner said last, `CODE: reason`.
     min_clearance : smallest distance [m] from the arm's real geometry to the obstacle, inf without one.
     contacts : physics steps in which arm and obstacle touched. touched : seconds from goal to the first, or inf.
     arrived : seconds from goal to arrival, nan if it never did.
@@ -64,7 +83,8 @@ class Recording:
     joints: list[np.ndarray] = field(default_factory=list)
     obstacle_times: list[float] = field(default_factory=list)
     obstacles: list[np.ndarray] = field(default_factory=list)
-    ticks: list[tuple[float, int, float, int, str]] = field(default_factory=list)
+    ticks: list[Tick] = field(default_factory=list)
+    newest: str = ""
     min_clearance: float = math.inf
     contacts: int = 0
     touched: float = math.inf
@@ -146,6 +166,11 @@ class Processes:
         """What a node has printed so far."""
         return self._running[name][1].read_text(errors="replace")
 
+    def newest(self) -> str:
+        """Say in one line what each node has printed last, without the level, time and name of a line of the log."""
+        last = {name: (self.log(name).strip().splitlines() or ["nothing yet"])[-1] for name in self._running}
+        return "; ".join(f"the {name} says: {_LOG_PREFIX.sub('', line)}" for name, line in last.items())
+
     def check(self) -> None:
         """Raise DemoError, with the end of its log, when a process has ended."""
         for name, (process, log) in self._running.items():
@@ -157,8 +182,12 @@ class Processes:
 class Probe:
     """Talks to planner and twin over ROS and records what they say. All of it happens in the caller's thread."""
 
-    def __init__(self, processes: Processes, domain: int, frame: str, goal: np.ndarray) -> None:
-        self._processes, self._frame, self._goal = processes, frame, goal
+    def __init__(
+        self, processes: Processes, domain: int, frame: str, goal: np.ndarray, say: Callable[[str], None]
+    ) -> None:
+        """say : called with what is waited for, where that takes long."""
+        self._processes, self._frame, self._goal, self._say = processes, frame, goal, say
+        self._stood_at, self._stood_since = np.full(3, math.inf), math.inf
         self.recording = Recording()
         self._began = math.inf
         self._near_since = math.nan
@@ -197,33 +226,33 @@ class Probe:
         # NO_GOAL: the planner runs, and hears the arm
         self._wait(
             lambda: self._code == "NO_GOAL" and self._spawn.service_is_ready() and self._goals.get_subscription_count(),
-            START_PATIENCE, "planner and twin to start",
+            "planner and twin to start",
         )  # fmt: skip
         spawned = self._spawn.call_async(Trigger.Request())
-        self._wait(spawned.done, START_PATIENCE, "the twin to spawn the obstacle")
+        self._wait(spawned.done, "the twin to spawn the obstacle")
         if not spawned.result().success:
             raise DemoError(f"the twin refused the obstacle: {spawned.result().message}")
         self._began = self._now()
         stamp = self._node.get_clock().now().to_msg()
         self._goals.publish(pose_message(self._goal[:3], self._goal[3:], self._frame, stamp))
-        deadline = time.monotonic() + MOTION_PATIENCE
         record, stolen = self.recording, StolenTime()
         self._spin(
             lambda: (
                 not math.isnan(record.arrived)
                 or self._now() - self._began > record.touched + after_contact
-                or time.monotonic() > deadline
+                or time.monotonic() - self._stood_since > STANDING_PATIENCE
             )
         )
         record.stolen_percent = stolen.percent()
         return record
 
-    def _wait(self, condition: Callable[[], Any], patience: float, what: str) -> None:
-        deadline = time.monotonic() + patience
-        self._spin(lambda: condition() or time.monotonic() > deadline)
-        if not condition():
-            code = self._code or "nothing"
-            raise DemoError(f"waited {patience:g} s for {what} without success; the planner says: {code}")
+    def _wait(self, condition: Callable[[], Any], what: str) -> None:
+        """Wait as long as the processes live, and say now and then what they are at."""
+        while not condition():
+            until = time.monotonic() + _SAID_EVERY
+            self._spin(lambda until=until: condition() or time.monotonic() > until)
+            if not condition():
+                self._say(f"  waiting for {what}; {self._processes.newest()}")
 
     def _spin(self, until: Callable[[], Any]) -> None:
         while not until():
@@ -243,6 +272,9 @@ class Probe:
             return
         position, quaternion = read_pose(message, self._frame)
         record = self.recording
+        # It stands from the first plan on: before, a planner on a busy machine may take long to answer.
+        if not record.ticks or np.linalg.norm(position - self._stood_at) > MOVED:
+            self._stood_at, self._stood_since = position, time.monotonic()
         record.pose_times.append(at)
         record.positions.append(position)
         record.quaternions.append(quaternion)
@@ -268,12 +300,13 @@ class Probe:
 
     def _on_status(self, message: DiagnosticArray) -> None:
         values = {pair.key: pair.value for pair in message.status[0].values}
-        self._code = values["code"]
+        self._code, self.recording.newest = values["code"], message.status[0].message
         at = self._since(message.header.stamp)
         # The motion begins with the first plan: before, a tick has nothing to do, and would flatter the figures.
         if at >= 0.0 and (self.recording.ticks or self._code != "NO_GOAL"):
-            figures = (int(values["tick"]), float(values["last_tick_ms"]), int(values["deadline_misses"]))
-            self.recording.ticks.append((at, *figures, self._code))
+            last = float(values["last_tick_ms"]), float(values["last_tick_work_ms"])
+            misses = int(values["deadline_misses"])
+            self.recording.ticks.append(Tick(at, int(values["tick"]), *last, misses, self._code))
 
     def _on_clearance(self, message: Float64) -> None:
         if self._began < math.inf:

@@ -189,6 +189,7 @@ class PlannerOutputs:
             "time_to_goal": output.time_to_goal,
             "tick": loop.ticks,
             "last_tick_ms": 1e3 * loop.last_duration,
+            "last_tick_work_ms": 1e3 * loop.last_work,
             "deadline_misses": loop.misses,
             "commands_received_by": " ".join(self._received_by),
         }

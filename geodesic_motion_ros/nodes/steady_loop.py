@@ -119,7 +119,7 @@ class SteadyLoop:
         self._failed = failed
         self._period = 1.0 / rate_hz
         self._recorder = _Recorder(window)
-        self._misses = 0
+        self._misses, self._last_work = 0, float("nan")
         self._stopping, self._hurried = threading.Event(), threading.Event()
         self._thread = threading.Thread(target=self._run, name=name, daemon=True)
 
@@ -153,6 +153,13 @@ class SteadyLoop:
         """How long the last finished tick took [s]; nan before the first."""
         return self._recorder.last_duration
 
+    @property
+    def last_work(self) -> float:
+        """Processor time of the loop's thread in the last finished tick [s]; nan before the first. The rest of the
+        tick's duration it waited for the machine, or for the process's other threads.
+        """
+        return self._last_work
+
     def statistics(self) -> LoopStatistics:
         return self._recorder.statistics(self._misses, time.monotonic() - self._period)
 
@@ -166,9 +173,9 @@ class SteadyLoop:
         schedule = Schedule(self._period, time.monotonic())
         periods = 1
         while not self._stopping.is_set():
-            start = time.monotonic()
+            start, worked = time.monotonic(), time.thread_time()
             self._tick(periods)
-            end = time.monotonic()
+            end, self._last_work = time.monotonic(), time.thread_time() - worked
             self._recorder.add(start, end - start)
             periods = schedule.finish(end)
             self._misses = schedule.misses

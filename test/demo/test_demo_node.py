@@ -8,13 +8,14 @@ import os
 import signal
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from geodesic_motion_ros.demo import demo_node, demo_options
-from geodesic_motion_ros.demo.demo_run import DemoError, Processes, Recording, isolated_environment
+from geodesic_motion_ros.demo import demo_node, demo_options, demo_run
+from geodesic_motion_ros.demo.demo_run import DemoError, Probe, Processes, Recording, Tick, isolated_environment
 from geodesic_motion_ros.demo.elbow_scene import ElbowScene
 
 KEYS = {
@@ -30,7 +31,7 @@ def recorded() -> Recording:
     """A second of a made-up motion that ends 3 mm and 2 degrees from the goal; every tenth tick is missed."""
     half = math.radians(1.0)
     tilted = np.array([math.cos(half), math.sin(half), 0.0, 0.0])
-    ticks = [(0.01 * (k + k // 9), k, 4.0 if k % 10 else 9.0, k // 9, "OK") for k in range(1, 91)]
+    ticks = [Tick(0.01 * (k + k // 9), k, 4.0 if k % 10 else 9.0, 3.0, k // 9, "OK") for k in range(1, 91)]
     return Recording(
         pose_times=[0.0, 1.0], positions=[GOAL[:3], GOAL[:3] + [0.003, 0.0, 0.0]], quaternions=[GOAL[3:], tilted],
         ticks=ticks, min_clearance=0.012, arrived=0.9,
@@ -54,6 +55,32 @@ def test_figures_are_those_of_the_recording() -> None:
     assert row["goal_error_deg"] == pytest.approx(2.0)
     assert row["min_clearance_mm"] == pytest.approx(12.0)
     assert row["contacts"] == 0
+
+
+def test_every_missed_deadline_has_a_cause() -> None:
+    """A status has the work of the tick before it, and its own code: the tick between two of them has missed."""
+    rows = [
+        # work [ms] of the tick before, misses so far, code of this tick
+        (1.0, 0, "OK"),
+        (15.0, 1, "NO_FEASIBLE_PATH"),  # search: the tick before came to a path, and worked for more than 10 ms
+        (25.0, 3, "OK"),  # no path, two periods late
+        (3.0, 7, "OK"),  # machine: 3 ms of work, and four periods late
+        (15.0, 7, "OK"),  # more work than a period, and none missed
+    ]
+    ticks = [Tick(0.01 * k, k, 40.0, *row) for k, row in enumerate(rows)]
+    assert demo_node.misses_by_cause(ticks) == {"no path": 2, "search": 1, "machine": 4}
+    row = demo_node.figures(Recording(positions=[GOAL[:3]], quaternions=[GOAL[3:]], ticks=ticks), GOAL, True)
+    assert row["deadline_misses"] == 7 == sum(row["misses_by_cause"].values())
+    summary = good_summary()
+    summary["avoidance_on"] |= row | {"contacts": 0}
+    assert "2 / 1 / 4" in demo_node.table(summary)
+    assert "no path / search / machine" in demo_node.table(summary)
+
+
+def test_a_run_that_does_not_arrive_says_why() -> None:
+    row = demo_node.figures(replace(recorded(), arrived=math.nan, newest="NO_GOAL: goal dropped"), GOAL, True)
+    assert demo_node._outcome(row) == "the goal was not reached; the planner says: NO_GOAL: goal dropped"
+    assert demo_node._outcome(row | {"contacts": 3}) == "the goal was not reached, after hitting the obstacle"
 
 
 def test_a_run_without_obstacle_has_no_clearance() -> None:
@@ -125,6 +152,28 @@ def test_a_process_that_ends_is_named_with_its_log(tmp_path: Path) -> None:
         os.waitid(os.P_PID, processes.number("planner"), os.WEXITED | os.WNOWAIT)
         with pytest.raises(DemoError, match=r"(?s)the planner has ended with exit code 1.*no_such_skill"):
             processes.check()
+
+
+def test_processes_that_start_are_waited_for_as_long_as_they_live(tmp_path: Path, monkeypatch) -> None:
+    """The planner of a skill that does not exist ends; a stopped one lives, and is waited for until it goes on."""
+    monkeypatch.setattr(demo_run, "_SAID_EVERY", 0.2)
+    with Processes(tmp_path, isolated_environment(DOMAIN)) as processes:
+        processes.start("planner", {"skill": "no_such_skill"})
+        processes.send("planner", signal.SIGSTOP)
+        said: list[str] = []
+
+        def say(line: str) -> None:
+            said.append(line)
+            if len(said) == 5:
+                processes.send("planner", signal.SIGCONT)
+
+        with (
+            Probe(processes, DOMAIN, "panda_link0", GOAL, say) as probe,
+            pytest.raises(DemoError, match="the planner has ended with exit code 1"),
+        ):
+            probe.run()
+    assert len(said) >= 5
+    assert said[0] == "  waiting for planner and twin to start; the planner says: nothing yet"
 
 
 def test_a_signal_in_the_moment_a_process_begins_ends_that_one_too(tmp_path: Path, monkeypatch) -> None:
