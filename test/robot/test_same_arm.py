@@ -12,7 +12,7 @@ from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.robot.robot_file import published_urdf
 from geodesic_motion_ros.robot.same_arm import SAME, difference
 from geodesic_motion_ros.robot.urdf import parse_urdf
-from geodesic_motion_ros.simulation.world import simulated_urdf
+from geodesic_motion_ros.simulation.loading import simulated_urdf
 from geodesic_motion_ros.utils.errors import RobotError
 
 
