@@ -76,6 +76,8 @@ class ArmState:
         # about the arm.
         self._others: dict[str, None] = {}
         self._others_since = -np.inf
+        # When the newest message about the arm came [s].
+        self._heard = -np.inf
         self._has_no_positions = False
         # When `remarks` was asked last [s], of how many states, and how often in a row these came too slowly.
         self._asked, self._counted, self._slow = 0.0, 0, 0
@@ -93,6 +95,7 @@ class ArmState:
             with self._refusals.guard(_TOPIC) as guard:
                 part = self._read(wire, arrival)
             if guard.reason or part is not None:
+                self._heard = max(self._heard, arrival.running)
                 self._refused = guard.reason if is_newest else self._refused
                 is_newest = False
             if guard.reason or part is None:
@@ -111,13 +114,13 @@ class ArmState:
 
         now : [s, running].
         """
+        if self._others and PARTS_APART < self._others_since - self._heard < np.inf:
+            return f"since then messages name {self._listed()} alone: {self._remedy()}"
         if self._refused:
             refused = f"the newest message was refused: {self._refused}"
             return "; ".join(filter(None, (refused, self.clock.remark(now))))
         if self.joints is None:
             return self._lacking()
-        if self._others and self._others_since > np.max(self._times[0]) + PARTS_APART:
-            return f"since then messages name {self._listed()} alone: {self._remedy()}"
         old = self._times[0] < np.max(self._times[0]) - PARTS_APART
         if np.any(old):
             return f"nothing new is heard of {', '.join(np.array(self._names)[old])}"

@@ -203,9 +203,13 @@ class TestNames:
         assert "remap joint_states" in fault
 
 
-    def test_that_change_while_it_runs_are_named(self, driver):
+    @pytest.mark.parametrize("was_refused", [False, True])
+    def test_that_change_while_it_runs_are_named(self, driver, was_refused):
         driver.send(stamp=EPOCH + driver.now + 0.4)
         driver.state.update()
+        if was_refused:
+            driver.send(positions=[math.nan] * 7)
+            driver.state.update()
         for _ in range(300):
             driver.go(0.01)
             driver.send([f"left_{name}" for name in NAMES], positions=READY)
