@@ -281,7 +281,7 @@ class TestParameters:
             ("speed", 5, "parameter speed = 5.0: expected a float from -1 to 2 [m/s]"),
             ("rate", math.nan, "from 10 to 1000"),
             ("tool_spheres", [0.0, 0.0, 0.04], "rows of 4"),
-            ("tool_spheres", [0.0, 0.0, 0.0, -0.04], "not negative"),
+            ("tool_spheres", [0.0, 0.0, 0.0, -0.04], "between 0 and 1000"),
             ("obstacle_silence_policy", "pray", "one of hold, keep"),
             ("sped", 0.1, "did you mean speed?"),
         ],
