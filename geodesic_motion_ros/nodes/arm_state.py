@@ -6,6 +6,7 @@ were heard later are interpolated between their last two messages.
 
 from __future__ import annotations
 
+import threading
 from collections import deque
 from dataclasses import dataclass
 
@@ -67,6 +68,7 @@ class ArmState:
         self.clock = SenderClock()
         self.plausible = PlausibleJoints(robot)
         self._refused = ""
+        self._lock = threading.Lock()
         self._waiting: deque[tuple[bytes, Moment]] = deque(maxlen=_WAITING)
         count = len(self._names)
         # Of the last two messages about each joint, the newest first: positions [rad] and times [s], stamps [s].
@@ -87,7 +89,11 @@ class ArmState:
         self._waiting.append((wire, arrival))
 
     def update(self) -> None:
-        """Read what has been received since the last call; one thread alone calls this."""
+        """Read what has been received since the last call; any thread may call this."""
+        with self._lock:
+            self._update()
+
+    def _update(self) -> None:
         parts: list[_Part] = []
         is_newest = True
         while self._waiting:

@@ -87,6 +87,12 @@ class TestBadInput:
             moving.publisher(kind, topic).publish(message)
             moving.wait(lambda topic=topic: topic in moving.planner.inputs.ages(), f"the first message on {topic}")
         moving.wait(moving.at_goal, "an arm at rest")
+
+        def is_where_it_was_sent() -> bool:
+            sent = moving.planner.cycle.planner.to_goal()[0].positions[-1]
+            return np.array_equal(moving.planner.inputs.snapshot().measured, sent)
+
+        moving.wait(is_where_it_was_sent, "a joint state of the end of the motion")
         before = moving.planner.inputs.snapshot()
         for name, (kind, topic, message, reason) in REFUSED.items():
             publisher = moving.publisher(kind, topic)
