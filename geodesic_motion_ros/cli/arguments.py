@@ -230,8 +230,16 @@ def read_recording(arguments: argparse.Namespace, path: Path) -> Demonstrations:
 
 
 def refuse_unsaid_order(arguments: argparse.Namespace, path: Path, demonstrations: Demonstrations) -> None:
-    """Refuse quaternions that look as if their scalar were last, while nothing says where it is: ParameterError."""
-    if path.suffix.lower() in (".npy", ".npz") and arguments.columns is None and looks_scalar_last(demonstrations):
+    """Refuse quaternions that look as if their scalar were last, while nothing says where it is: ParameterError.
+
+    Not of an arm on a wall or ceiling: how its tool points in its base frame tells nothing.
+    """
+    # loaded here, for most commands do without
+    from geodesic_motion_ros.robot.kinematics import Robot
+    from geodesic_motion_ros.robot.mounting import is_upright
+
+    unsaid = path.suffix.lower() in (".npy", ".npz") and arguments.columns is None
+    if unsaid and looks_scalar_last(demonstrations) and is_upright(Robot.named(arguments.robot or DEFAULT_ROBOT)):
         raise ParameterError(
             f"with the quaternions of {path.name} read as qw,qx,qy,qz the tool does not point down, as qx,qy,qz,qw it "
             f"does: in which order are they? In that of ROS: say --columns {_ROS_COLUMNS}; otherwise say --columns "

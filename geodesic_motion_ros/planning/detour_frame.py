@@ -6,7 +6,8 @@ A displacement delta (3,) [m] of the tool and a swivel e [rad] of the arm are re
     FK(q) = (x(tau) + delta, R(tau)),      n(tau) . (q - q^(tau)) = e,
 
 with n the unit null vector of the tool's Jacobian at q^ (`posture.py`): the orientation stays the demonstrated one.
-Arms of six joints or fewer have no swivel. A displaced path is longer by the factor phi,
+Arms of six joints or fewer have no swivel; those of fewer than six turn the tool as little as they can, so that what
+the search expects of a hand that is displaced alone is no strict bound for them. A displaced path is longer by phi,
 
     ds^2 = phi^2 (dl^2 + |d delta|^2 + lambda^2 de^2),
     phi  = 1 + delta^T (C(tau) + s^2 I)^-1 delta + (e / rho)^2,

@@ -60,7 +60,7 @@ def hull_triangles(points: np.ndarray) -> np.ndarray:
 
 def _best_cut(triangles: np.ndarray, least: float) -> tuple[float, list[np.ndarray]]:
     """The volume that the best of the planes saves, and both parts; 0 and none where no plane can save `least`."""
-    corners, faces = np.unique(triangles.reshape(-1, 3), axis=0, return_inverse=True)
+    corners, faces = _distinct(triangles.reshape(-1, 3))
     volume = _volume(corners)
     if volume < least:
         return 0.0, []
@@ -74,6 +74,19 @@ def _best_cut(triangles: np.ndarray, least: float) -> tuple[float, list[np.ndarr
             best, across, at = smallest, axis, float(planes[np.argmin(left)])
     halves = _cut(triangles, across, at)
     return volume - sum(_volume(half.reshape(-1, 3)) for half in halves), halves
+
+
+def _distinct(points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The distinct ones of points (n, 3), in rising order, and the number of each point among them (n,).
+
+    As of `np.unique` along an axis, which takes ten times as long.
+    """
+    numbers = np.zeros(len(points), dtype=np.int64)
+    for values in points.T:
+        distinct, order = np.unique(values, return_inverse=True)
+        numbers = numbers * len(distinct) + order
+    _, kept, number_of = np.unique(numbers, return_index=True, return_inverse=True)
+    return points[kept], number_of
 
 
 def _coarse_edges(corners: np.ndarray, faces: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
