@@ -17,7 +17,7 @@ _EPILOG = """\
 examples:
   geodesic-motion goal panda_reach_to_grasp
   geodesic-motion goal panda_reach_to_grasp --move 0 0.02 0
-  geodesic-motion goal panda_reach_to_grasp --ros-args -r __ns:=/left
+  geodesic-motion goal ur5_reach --joint-prefix left_ --ros-args -r __ns:=/left
 
 Exit status: 0 the arm has arrived; 2 the planner has refused or dropped the goal, or is not there, or the arm stood for
 longer than --wait (one line says which); 130 after Ctrl-C, which leaves the goal with the planner.
@@ -35,6 +35,9 @@ def add_command(commands: argparse._SubParsersAction) -> None:
         "--move", type=float, nargs=3, metavar=("X", "Y", "Z"), default=(0.0, 0.0, 0.0),
         help="this far from the skill's goal [m]",
     )  # fmt: skip
+    parser.add_argument(
+        "--joint-prefix", default="", metavar="TEXT", help="the parameter joint_prefix of the planner, such as left_"
+    )
     parser.add_argument(
         "--wait", type=seconds, default=30.0, metavar="SECONDS",
         help="how long to wait for a planner that is not there, and for an arm that stands before it has arrived",
@@ -59,13 +62,14 @@ def run(arguments: argparse.Namespace) -> None:
     if skill.space == "task" or robot.takes_poses:
         pose = skill.goal_pose.copy()
         pose[:3] += arguments.move
-        goal: Goal = PoseGoal(pose, skill.base_frame)
+        goal: Goal = PoseGoal(pose, arguments.joint_prefix + skill.base_frame)
     elif any(arguments.move):
         raise ParameterError(
             f"--move is of a pose, and an arm of {len(robot.joint_names)} joints takes configurations: leave it out"
         )
     else:
-        goal = JointGoal(robot.joint_names, skill.mean_configuration("goal"))
+        names = [arguments.joint_prefix + name for name in robot.joint_names]
+        goal = JointGoal(names, skill.mean_configuration("goal"))
 
     def show(line: str) -> None:
         print(line, flush=True)

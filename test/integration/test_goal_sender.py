@@ -232,12 +232,17 @@ def test_the_command_for_the_ros2_command_line_holds_the_goal(skill, goal):
 def test_an_arm_that_holds_no_pose_is_sent_a_configuration(monkeypatch, capsys):
     skill = Skill.load("ur5_reach")
     assert main(["goal", "ur5_reach", "--print"]) == 0
-    assert "/goal_pose" in capsys.readouterr().out
+    assert f"frame_id: {skill.base_frame}}}" in capsys.readouterr().out
+    assert main(["goal", "ur5_reach", "--print", "--joint-prefix", "left_"]) == 0
+    assert f"frame_id: left_{skill.base_frame}}}" in capsys.readouterr().out
     monkeypatch.setattr(Robot, "takes_poses", False)
     assert main(["goal", "ur5_reach", "--print"]) == 0
     content = yaml.safe_load(capsys.readouterr().out.split('"')[1])
     robot = Robot.named("ur5")
     assert tuple(content["name"]) == tuple(robot.joint_names)
     np.testing.assert_allclose(robot.forward(np.array(content["position"]))[0], skill.goal_pose[:3], atol=1e-3)
+    assert main(["goal", "ur5_reach", "--print", "--joint-prefix", "left_"]) == 0
+    content = yaml.safe_load(capsys.readouterr().out.split('"')[1])
+    assert content["name"] == [f"left_{name}" for name in robot.joint_names]
     assert main(["goal", "ur5_reach", "--print", "--move", "0", "0.1", "0"]) == 2
     assert "--move is of a pose, and an arm of 6 joints takes configurations" in capsys.readouterr().err
