@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Any
 
 from geodesic_motion_ros.cli.arguments import RECORDING_OPTIONS, given
 from geodesic_motion_ros.robot.description import DEFAULT_ROBOT
-from geodesic_motion_ros.robot.kinematics import Robot, check_takes_poses
 
 if TYPE_CHECKING:
     from geodesic_motion_ros.demonstrations.demonstrations import Demonstrations
@@ -50,6 +49,7 @@ class TaskTraining:
     ) -> TaskTraining:
         """Read the settings; `shared` are the names of the options that all spaces have."""
         from geodesic_motion_ros.learning.settings import TrainingSettings
+        from geodesic_motion_ros.robot.kinematics import Robot, check_takes_poses
 
         settings_of = TrainingSettings.paper if arguments.paper else TrainingSettings
         metric = replace(settings_of().metric, **given(arguments, "sigma_weight", "orientation_scale"))
