@@ -342,8 +342,9 @@ class ReactivePlanner:
             return Verdict(VerdictCode.BAD_INPUT, reason)
         try:
             settings = replace(arm.solver.settings, **changes)
-            check_held(objects or (), self.robot)
-            changed = arm.changed(arm.objects if objects is None else objects, settings)
+            held = arm.objects if objects is None else objects
+            check_held(held, self.robot)
+            changed = arm.changed(held, settings)
         except (RobotError, PlanningError) as error:
             return Verdict(VerdictCode.BAD_INPUT, str(error))
         if settings != arm.solver.settings:

@@ -18,7 +18,7 @@ from geodesic_motion_ros.planning.plan import ArmQuery, MotionState, Plan
 from geodesic_motion_ros.planning.search import KnownPaths, LatentPath
 from geodesic_motion_ros.planning.status import Verdict
 from geodesic_motion_ros.robot.limits import JointLimits
-from geodesic_motion_ros.trajectory.trajectory import JointReference
+from geodesic_motion_ros.trajectory.trajectory import SAME_TIME, JointReference
 
 #: Two knots are no nearer to each other than this [s].
 _SHORTEST_INTERVAL = 1e-3
@@ -56,7 +56,8 @@ class PlayedTrajectory:
         if earliest >= self.end:
             return earliest
         time = max(earliest, self.knot_before(earliest) + _SHORTEST_INTERVAL)
-        return max(time, self.knot_before(time + TIME_ROUNDING))
+        following = min(self.end, self.knot_before(time + TIME_ROUNDING))
+        return following if following > time + SAME_TIME else time
 
     def knot_before(self, time: float) -> float:
         """The last knot at or before a time [s]; that time itself where the arm stands by then.
@@ -66,10 +67,10 @@ class PlayedTrajectory:
         """
         if time >= self.end:
             return time
-        times = self.reference.times
-        local = float(times[max(0, int(np.searchsorted(times, time - self.begin, side="right")) - 1)])
-        knot = self.begin + local
-        return knot if knot - self.begin >= local else math.nextafter(knot, math.inf)
+        knots = self.begin + self.reference.times
+        early = knots - self.begin < self.reference.times - SAME_TIME
+        knots = np.where(early, np.nextafter(knots, np.inf), knots)
+        return float(knots[max(0, int(np.searchsorted(knots, time, side="right")) - 1)])
 
     def state_at_switch(self, earliest: float, followed: Followed | None) -> MotionState:
         """In what state another one takes over, at or after a time [s]; with a latent point where it is followed."""

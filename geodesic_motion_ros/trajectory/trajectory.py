@@ -18,6 +18,8 @@ from geodesic_motion_ros.robot.limits import JointLimits
 PERIOD = 0.02
 #: The rest of a reference does not begin nearer than this [s] to a knot: over less, quintics are rounding errors.
 _SHORTEST_INTERVAL = 1e-6
+#: Times [s] that differ by less are the same, whatever is differentiated three times over a millisecond.
+SAME_TIME = 1e-13
 #: Rounding of what is exactly at a limit.
 _ROUNDING = 1e-6
 
@@ -128,14 +130,14 @@ def joined(old: JointReference, since: float, new: JointReference, until: float)
     """
     if until <= since + _ROUNDING:
         return new
-    ahead = kept_knots(old, since, until)[1:]
-    begin = (*old.sample(since), old.latent_at(since))
+    kept = kept_knots(old, since, until)
+    rows = {name: getattr(old, name)[kept] for name in ("positions", "velocities", "accelerations", "latent")}
+    if abs(since - old.times[kept[0]]) > SAME_TIME:
+        for values, begin in zip(rows.values(), (*old.sample(since), old.latent_at(since)), strict=True):
+            values[0] = begin
     return JointReference(
-        np.concatenate([[0.0], old.times[ahead] - since, until - since + new.times]),
-        *(
-            np.concatenate([first[None], getattr(old, name)[ahead], getattr(new, name)])
-            for first, name in zip(begin, ("positions", "velocities", "accelerations", "latent"), strict=True)
-        ),
+        np.concatenate([[0.0], old.times[kept[1:]] - since, until - since + new.times]),
+        *(np.concatenate([values, getattr(new, name)]) for name, values in rows.items()),
     )
 
 

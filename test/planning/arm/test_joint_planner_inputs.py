@@ -113,10 +113,18 @@ def test_a_configuration_that_is_none_is_refused(stream, configuration) -> None:
     assert "panda_joint1" in refused(stream.planner.stand_at(configuration, 0.0))
 
 
-@pytest.mark.parametrize("objects", [[1], ["cup"], 1, None, "cup", [HeldObject("cup", "sphere", (0.02,)), None]])
+@pytest.mark.parametrize("objects", [[1], ["cup"], 1, 0, "cup", [HeldObject("cup", "sphere", (0.02,)), None]])
 def test_what_is_no_object_is_not_held(stream, objects) -> None:
     assert "HeldObject is needed" in refused(stream.planner.hold(objects))
     assert stream.planner.held == ()
+
+
+@pytest.mark.parametrize("value", ["fast", True, np.nan, [0.1]])
+def test_a_setting_that_changes_is_judged_as_at_the_start(stream, value) -> None:
+    before = stream.planner.settings
+    for name in ("speed_scale", "obstacle_margin", "obstacle_position_error"):
+        assert f"setting {name} is " in refused(stream.planner.change_settings(**{name: value}))
+    assert stream.planner.settings == before
 
 
 @pytest.mark.parametrize("reach", [np.nan, "far", None, True, -0.1, 1.0])
