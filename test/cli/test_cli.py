@@ -85,7 +85,18 @@ def test_a_full_disk_under_the_output_is_said_in_one_line(command, program, unbu
 
 WITHOUT = """
 import sys
-sys.modules[sys.argv.pop(1)] = None
+from importlib.abc import MetaPathFinder
+
+library = sys.argv.pop(1)
+
+
+class Missing(MetaPathFinder):
+    def find_spec(self, name, path, target=None):
+        if name.partition(".")[0] == library:
+            raise ModuleNotFoundError(f"No module named {name!r}", name=name)
+
+
+sys.meta_path.insert(0, Missing())
 from geodesic_motion_ros.__main__ import main
 sys.exit(main())
 """
