@@ -40,7 +40,7 @@ from geodesic_motion_ros.nodes.parameters import NodeParameters
 from geodesic_motion_ros.nodes.publishers import LATCHED
 from geodesic_motion_ros.nodes.refusals import Refusals
 from geodesic_motion_ros.nodes.stream_cycle import CycleInputs
-from geodesic_motion_ros.obstacles.tracker import ObstacleTracker
+from geodesic_motion_ros.obstacles.tracker import Key, ObstacleTracker
 from geodesic_motion_ros.planning.status import Verdict, VerdictCode
 from geodesic_motion_ros.robot.held_objects import HeldObject
 from geodesic_motion_ros.robot.kinematics import Robot
@@ -202,12 +202,22 @@ class PlannerInputs:
         with self._lock:
             return self._cloud_figures
 
-    def look_for_other_types(self) -> None:
-        """Refuse obstacle topics on which somebody publishes messages of a type that never arrives."""
+    def look_at_publishers(self) -> None:
+        """Look who publishes obstacles: refuse topics on which somebody publishes messages of a type that never
+        arrives, note what was latched by a publisher that has ended, and report two publishers that use one name.
+        """
         for topic, subscription in self._obstacle_topics.items():
             for reason in subscription.other_types():
                 with self._obstacle_guard(topic):
                     raise MessageRefused(reason)
+            subscription.look_for_latching()
+            self._set_publishers(topic)
+        with self._lock:
+            alternating = self._tracker.alternating(self.time.running())
+        for label, places in alternating.items():
+            at = " and ".join(str(np.round(place, 2).tolist()) for place in np.unique(places, axis=0)[:2])
+            reason = f"{label}: two places alternate, {at} m: two publishers? Each needs a namespace of its own"
+            self.refusals.add(label.split("/")[0], reason, prefix="a doubtful obstacle on")
         for reason in self._held_topic.other_types():
             with self.refusals.guard(HELD):
                 raise MessageRefused(reason)
@@ -236,14 +246,34 @@ class PlannerInputs:
 
         self._node.create_subscription(kind, topic, receive, qos)
 
-    def _subscribe_obstacles(self, kind: type, topic: str, take: Callable[[Any], None], **offered: Any) -> None:
-        """offered : depth, reliability and raw as of `ObstacleSubscription`."""
+    def _subscribe_obstacles(
+        self, kind: type, topic: str, take: Callable[[Any], list[Key] | None], **offered: Any
+    ) -> None:
+        """take : returns the keys of the obstacles that a message puts. offered : depth, reliability and raw as of
+        `ObstacleSubscription`.
+        """
 
-        def receive(message: Any) -> None:
+        def receive(message: Any) -> list[Key]:
             with self._load.counted(), self._obstacle_guard(topic):
-                take(message)
+                return take(message) or []
+            return []
 
-        self._obstacle_topics[topic] = ObstacleSubscription(self._node, kind, topic, receive, **offered)
+        def receive_latched(keys: list[Key], publishers: frozenset[str]) -> None:
+            with self._lock:
+                self._tracker.answer_for(topic, keys, publishers)
+
+        def receive_end(publisher: str) -> None:
+            with self._lock:
+                self._tracker.end(topic, publisher, self.time.running())
+
+        self._obstacle_topics[topic] = ObstacleSubscription(
+            self._node, kind, topic, receive, take_latched=receive_latched, take_end=receive_end, **offered
+        )
+
+    def _set_publishers(self, topic: str) -> None:
+        nodes = self._obstacle_topics[topic].publishers
+        with self._lock:
+            self._tracker.set_publishers(topic, nodes)
 
     @contextmanager
     def _obstacle_guard(self, topic: str) -> Iterator[None]:
@@ -289,7 +319,8 @@ class PlannerInputs:
             self._task_frame = frame
             self._task_frame_taken = moment.running - max(0.0, moment.transit(seconds(message.header.stamp)))
 
-    def on_obstacles(self, message: bytes) -> None:
+    def on_obstacles(self, message: bytes) -> list[Key]:
+        """Take obstacles, and return the keys of those that the message puts somewhere."""
         markers, updates, refused = markers_in(message), [], ""
         self._load.count(len(markers))
         for marker in markers:
@@ -302,7 +333,8 @@ class PlannerInputs:
         newest = max((update.stamp for update in updates), default=0.0)
         with self._lock:
             if len(updates) == len(markers):
-                self._tracker.hear("obstacles", moment.running, moment.transit(newest))
+                empty = all(update.action == "nothing" for update in updates)
+                self._tracker.hear("obstacles", moment.running, moment.transit(newest), empty=empty)
             taken = [
                 self._apply("obstacles", update, moment.running, moment.transit(update.stamp or newest))
                 for update in updates
@@ -311,6 +343,7 @@ class PlannerInputs:
                 self._tracker.refuse("obstacles", refused)
         self._count_overtaken("obstacles", all(taken))
         self._obstacles_changed()
+        return [update.key for update in updates if update.action == "put"]
 
     def receive_held(self, message: bytes) -> None:
         """All of a message, or nothing; the arm stands as long as anything that was to be attached is unknown."""
@@ -323,7 +356,8 @@ class PlannerInputs:
         with self._lock:
             self._unknown_held = unknown_after(self._unknown_held, markers, guard.reason)
 
-    def on_marker(self, message: bytes) -> None:
+    def on_marker(self, message: bytes) -> list[Key]:
+        """As `on_obstacles`, of one marker."""
         self._load.count(1)
         update = read_marker(marker_in(message), self._frame, self.frames)
         moment = self.time.read()
@@ -331,6 +365,7 @@ class PlannerInputs:
             taken = self._apply("obstacle_marker", update, moment.running, moment.transit(update.stamp))
         self._count_overtaken("obstacle_marker", taken)
         self._obstacles_changed()
+        return [update.key] if update.action == "put" else []
 
     def _apply(self, source: str, update: MarkerUpdate, now: float, transit: float) -> bool:
         """False where what was to be put was overtaken."""

@@ -94,7 +94,7 @@ class PlannerNode(LoopingNode):
         self._make_view(skill)
         self._every(1.0, self._show_health, "/diagnostics")
         self._every(1.0, self._look_at_commands, "the search for other commanders")
-        self._every(1.0, self.inputs.look_for_other_types, "the search for obstacles of other types")
+        self._every(1.0, self.inputs.look_at_publishers, "the look at who publishes obstacles")
         # A plan takes longer than a joint state may be old.
         self._answering = (
             BackgroundService(self, GetPlan, "plan", self._on_plan),

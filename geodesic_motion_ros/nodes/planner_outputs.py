@@ -274,7 +274,8 @@ class PlannerOutputs:
             shown.append(solid_marker("scene", number, solid, _SCENE_COLOUR, self._frame, stamp))
         for number, box in enumerate(scene.seen):
             shown.append(solid_marker("seen", number, box, _SEEN_COLOUR, self._frame, stamp))
-        spheres = zip(obstacles.centres, obstacles.radii, strict=True)
+        # Once, however many velocities it may move on at.
+        spheres = dict.fromkeys(zip(map(tuple, obstacles.centres.tolist()), obstacles.radii.tolist(), strict=True))
         for number, (centre, radius) in enumerate(spheres):
             shown.append(sphere_marker("obstacles", number, centre, radius, _OBSTACLE_COLOUR, self._frame, stamp))
         for number, solid in enumerate(obstacles.solids):

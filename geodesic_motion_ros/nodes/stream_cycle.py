@@ -454,7 +454,10 @@ def _stale_obstacles(inputs: CycleInputs[Place]) -> str:
     causes = [f"{source}: {why}" for source, why in inputs.unusable_sources.items()]
     if inputs.silent_sources:
         silent = ", ".join(inputs.silent_sources)
-        causes.append(f"silent: {silent}; publish it again, or call ~/clear_obstacles where nothing is there any more")
+        causes.append(
+            f"silent: {silent}; publish it again and again, or latched by a node that stays, or declare it in the "
+            "scene; call ~/clear_obstacles where nothing is there any more"
+        )
     if inputs.late_sources:
         late = ", ".join(inputs.late_sources)
         causes.append(f"stamps lag: {late}; synchronise the clocks, or detect faster")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from itertools import compress
 
 import numpy as np
 
@@ -36,6 +37,7 @@ class Obstacles:
         since.
     velocity_errors, solid_velocity_errors : (o,), (b,) [m/s] bounds of the errors of the velocities: a moving obstacle
         is enlarged by its bound times the time for which it is expected to move on.
+    names, solid_names, cloud_name : for a person, (o,), (b,) texts and one; empty where there are none.
 
     Ages and errors are 0 where none are given.
     """
@@ -51,6 +53,9 @@ class Obstacles:
     solid_ages: np.ndarray = field(default_factory=lambda: np.zeros(0))
     velocity_errors: np.ndarray = field(default_factory=lambda: np.zeros(0))
     solid_velocity_errors: np.ndarray = field(default_factory=lambda: np.zeros(0))
+    names: tuple[str, ...] = ()
+    solid_names: tuple[str, ...] = ()
+    cloud_name: str = ""
 
     def __post_init__(self) -> None:
         for kind, count in (("", len(self.centres)), ("solid_", len(self.solids))):
@@ -100,6 +105,7 @@ class Obstacles:
             self.centres[spheres], self.radii[spheres], self.velocities[spheres], self.solids[solids],
             self.solid_velocities[solids], cloud, self.time, self.ages[spheres], self.solid_ages[solids],
             self.velocity_errors[spheres], self.solid_velocity_errors[solids],
+            tuple(compress(self.names, spheres)), tuple(compress(self.solid_names, solids)), self.cloud_name,
         )  # fmt: skip
 
     def leaving_free(self, centres: np.ndarray, radii: np.ndarray, prediction: float) -> Obstacles:
@@ -173,15 +179,19 @@ class Obstacles:
 
     def distinct(self) -> Obstacles:
         """In an order of their own: what is published twice, by two sensors, is one obstacle."""
-        names = "centres", "radii", "velocities", "ages", "velocity_errors"
-        solid_names = "solids", "solid_velocities", "solid_ages", "solid_velocity_errors"
-        return replace(self, **self._distinct(names), **self._distinct(solid_names))
+        fields = "centres", "radii", "velocities", "ages", "velocity_errors"
+        solid_fields = "solids", "solid_velocities", "solid_ages", "solid_velocity_errors"
+        return replace(self, **self._distinct(fields, "names"), **self._distinct(solid_fields, "solid_names"))
 
-    def _distinct(self, names: tuple[str, ...]) -> dict[str, np.ndarray]:
-        """Values of several names, of as many obstacles each, without obstacles of which all are the same."""
-        values = [getattr(self, name) for name in names]
+    def _distinct(self, fields: tuple[str, ...], names: str) -> dict[str, np.ndarray | tuple[str, ...]]:
+        """Values of several fields, of as many obstacles each, without obstacles of which all are the same, and their
+        names.
+        """
+        values = [getattr(self, name) for name in fields]
         chosen = _distinct_rows(np.column_stack(values))
-        return {name: np.ascontiguousarray(value[chosen]) for name, value in zip(names, values, strict=True)}
+        named = getattr(self, names)
+        kept = {name: np.ascontiguousarray(value[chosen]) for name, value in zip(fields, values, strict=True)}
+        return {**kept, names: tuple(named[i] for i in chosen) if named else ()}
 
     def moved(self, rotation: np.ndarray, translation: np.ndarray) -> Obstacles:
         """Seen from another frame: p -> rotation p + translation, (3, 3) and (3,) [m]."""
@@ -209,7 +219,9 @@ class Obstacles:
             return self
         more = {"solid_velocities": np.zeros((count, 3)), "solid_ages": np.zeros(count),
                 "solid_velocity_errors": np.zeros(count), "solids": solids}
-        return replace(self, **{name: np.concatenate([getattr(self, name), added]) for name, added in more.items()})
+        return replace(
+            self, solid_names=(), **{name: np.concatenate([getattr(self, name), added]) for name, added in more.items()}
+        )
 
     def throughout(self, duration: float) -> Obstacles:
         """Each of them so large that it covers where it is from its time on for so long [s]."""
@@ -233,6 +245,7 @@ class Obstacles:
         return Obstacles(
             centres, radii, self.velocities, solids, self.solid_velocities, self.cloud, time, self.ages + by,
             self.solid_ages + solids_by, self.velocity_errors, self.solid_velocity_errors,
+            self.names, self.solid_names, self.cloud_name,
         )  # fmt: skip
 
     def _places(self, by: np.ndarray, solids_by: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

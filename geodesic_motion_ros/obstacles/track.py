@@ -7,10 +7,12 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, field, replace
+from typing import NamedTuple
 
 import numpy as np
 
 from geodesic_motion_ros.obstacles.velocity_filter import SAME_INSTANT, ObstacleMotion
+from geodesic_motion_ros.obstacles.velocity_history import Vector
 
 # What was taken up to so long [s] before the newest was overtaken by it; further back, the sender's clock was set back,
 # and so it was where so many in a row go on behind the newest, one after the other.
@@ -49,6 +51,24 @@ class MessageOrder:
         return False
 
 
+class Place(NamedTuple):
+    """Where an obstacle may be, and how it may move on.
+
+    Attributes
+    ----------
+    centre, radius, solid : as of `Track`.
+    velocity, error : (3,) [m/s], and a bound of its error [m/s].
+    since : when it was there [s].
+    """
+
+    centre: Vector
+    radius: float
+    solid: np.ndarray | None
+    velocity: Vector
+    error: float
+    since: float
+
+
 @dataclass
 class Track:
     """The estimated state of one obstacle: its shape and place by the newest message, and its motion by all of them.
@@ -57,7 +77,6 @@ class Track:
     ----------
     centre, radius : (3,), [m]; solid : (16,) row of a solid, as of `geometry/shapes.py`, whose radius then counts.
     arrival, taken : when the update arrived, and when its data were taken [s]. expires : when it vanishes [s].
-    deleted : it is remembered alone so that an overtaken message does not bring it back.
     """
 
     centre: tuple[float, float, float]
@@ -67,13 +86,11 @@ class Track:
     expires: float
     solid: np.ndarray | None = None
     motion: ObstacleMotion = field(default_factory=ObstacleMotion)
-    order: MessageOrder = field(default_factory=MessageOrder)
-    deleted: bool = False
 
     @property
     def moves(self) -> bool:
         """Whether its updates say that it moves."""
-        return not self.deleted and self.motion.moves
+        return self.motion.moves
 
     @property
     def since(self) -> float:
@@ -108,16 +125,20 @@ class Track:
         off += np.linalg.norm(self.solid[3:6] - other.solid[3:6]) + turned * np.linalg.norm(other.solid[3:6])
         return off <= self.solid[6] - other.solid[6] <= by
 
-    def places(self, now: float) -> list[Track]:
-        """Itself, and, once it is not published any more, where it may have come to a stand since it was last seen."""
+    def places(self, now: float, most: int) -> list[Place]:
+        """Where it may be: one place for each velocity at which it may move on, at most so many, and, once it is not
+        published any more, places where it may have come to a stand since it was last seen.
+        """
+        velocities = self.motion.bounds.velocities(self.motion.velocity, most)
+        moving = [Place(self.centre, self.radius, self.solid, *each, self.since) for each in velocities]
         if not self.doubted(now):
-            return [self]
+            return moving
         passed = min(now + UNCERTAINTY_GROWTH_PERIOD - self.since, UNCERTAINTY_GROWTH_TIME)
         reach, grown = passed * np.array(self.motion.velocity), passed * self.motion.error
         length = float(np.linalg.norm(reach))
         count = min(2 + int(length / _APART), _MOST_PLACES)
         half = 0.5 * length / (count - 1)
-        return [self, *(self._standing(share * reach, half, share * grown) for share in np.linspace(0.0, 1.0, count))]
+        return moving + [self._standing(share * reach, half, share * grown) for share in np.linspace(0.0, 1.0, count)]
 
     def doubted(self, now: float) -> bool:
         """Whether it moved and has not been published for too long."""
@@ -131,12 +152,13 @@ class Track:
             return self.arrival + MOTION_LASTS
         return now + UNCERTAINTY_GROWTH_PERIOD if now < self.since + UNCERTAINTY_GROWTH_TIME else math.inf
 
-    def _standing(self, shift: np.ndarray, half: float, grown: float) -> Track:
+    def _standing(self, shift: np.ndarray, half: float, grown: float) -> Place:
         """Where it stands after a shift (3,) [m], enlarged by half of the distance to the next place [m] and by how far
         off its line it may be there [m].
         """
         there = self._moved(shift, half + grown)
-        return replace(there, radius=math.hypot(self.radius + grown, half), motion=ObstacleMotion())
+        radius = math.hypot(self.radius + grown, half)
+        return Place(there.centre, radius, there.solid, (0.0, 0.0, 0.0), 0.0, self.since)
 
     def _moved(self, shift: np.ndarray, by: float) -> Track:
         """After a shift (3,) [m], and larger by so much [m]."""

@@ -12,16 +12,20 @@ from __future__ import annotations
 import math
 from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass, field, replace
+from itertools import compress
 
 import numpy as np
 
 from geodesic_motion_ros.geometry.distance_field import DistanceField
 from geodesic_motion_ros.geometry.shapes import no_solids
 from geodesic_motion_ros.obstacles.obstacles import Obstacles
-from geodesic_motion_ros.obstacles.track import REORDER_WINDOW, MessageOrder, Track
-from geodesic_motion_ros.obstacles.velocity_filter import ObstacleMotion
+from geodesic_motion_ros.obstacles.track import REORDER_WINDOW, MessageOrder, Place, Track
+from geodesic_motion_ros.obstacles.tracked_obstacle import TrackedObstacle
 
 Key = tuple[str, int]
+
+# What moves is expected at so many velocities at most, all obstacles together: planning takes its time for each.
+_MOST_VELOCITIES = 24
 
 
 @dataclass(frozen=True)
@@ -40,6 +44,7 @@ class ObstacleSet:
     solids, solid_velocities, solid_velocity_errors, solid_times : (b, 16) rows as of `geometry/shapes.py`, (b, 3),
         (b,), (b,), likewise.
     cloud : distances from the points of the newest cloud, which stands.
+    names : n + b texts as the labels, each with the nodes that publish on its topic; cloud_name : likewise.
     """
 
     centres: np.ndarray
@@ -54,10 +59,12 @@ class ObstacleSet:
     solid_velocity_errors: np.ndarray = field(default_factory=lambda: np.zeros(0))
     solid_times: np.ndarray = field(default_factory=lambda: np.zeros(0))
     cloud: DistanceField = field(default_factory=DistanceField.none)
+    names: tuple[str, ...] = ()
+    cloud_name: str = ""
 
     def __len__(self) -> int:
-        """Spheres and solids, and one for a cloud."""
-        return len(self.radii) + len(self.solids) + (self.cloud.squares.size > 0)
+        """How many obstacles, a cloud for one: what may be at several places, or move on at several velocities, too."""
+        return len(set(self.labels)) + (self.cloud.squares.size > 0)
 
     def without(self, labels: Collection[str]) -> ObstacleSet:
         """Without the obstacles of these labels, under the same version."""
@@ -70,7 +77,7 @@ class ObstacleSet:
             velocity_errors=self.velocity_errors[spheres], times=self.times[spheres], solids=self.solids[solids],
             solid_velocities=self.solid_velocities[solids], solid_times=self.solid_times[solids],
             solid_velocity_errors=self.solid_velocity_errors[solids],
-            labels=tuple(label for label in self.labels if label not in labels),
+            labels=tuple(compress(self.labels, kept)), names=tuple(compress(self.names, kept)),
         )  # fmt: skip
 
     def moved_on(self, now: float, longest: float, time: float) -> Obstacles:
@@ -88,62 +95,75 @@ class ObstacleSet:
         return Obstacles(
             self.centres + ages[:, None] * self.velocities, self.radii + ages * self.velocity_errors, self.velocities,
             solids, self.solid_velocities, self.cloud, time, ages, solid_ages, self.velocity_errors,
-            self.solid_velocity_errors,
+            self.solid_velocity_errors, self.names[: len(self.radii)], self.names[len(self.radii) :], self.cloud_name,
         )  # fmt: skip
 
 
 class ObstacleTracker:
     """Book-keeping of obstacles by source and key: replacement, deletion, lifetime, silence.
 
-    A source is expected to keep talking from its first message on. It is *silent* when it has not been
-    heard for longer than a timeout, whether or not its obstacles have expired meanwhile: a dead detector
-    must not look like a free table. It is *late* when it talks of what is longer ago than that. A source that deletes
-    its last obstacle is inactive, and not expected to talk again. A source is *unusable* as long as nothing that
-    it sent could be used: something is there, and nobody knows where.
+    A source is expected to keep talking as long as it has an obstacle that nobody answers for, and after a message
+    without obstacles. A publisher that latched an obstacle answers for it while it lives; so does a lifetime; but
+    neither for what moves, or is published again and again (`TrackedObstacle.is_answered_for`). An expected source is
+    *silent* when it has not been heard for longer than a timeout. It is *late* when it talks of what is longer ago than
+    that. A source is *unusable* as long as nothing that it sent could be used: something is there, and nobody knows
+    where.
 
     Parameters
     ----------
-    required : sources that are expected to talk from the beginning on, and while they are inactive too.
+    required : sources that are expected to talk from the beginning on, and while they have no obstacle too.
     """
 
     def __init__(self, required: Sequence[str] = ()) -> None:
         self._required = tuple(required)
-        self._tracks: dict[str, dict[Key, Track]] = {}
+        self._tracked: dict[str, dict[Key, TrackedObstacle]] = {}
         # when the newest message arrived, and when the newest was taken
         self._heard: dict[str, tuple[float, float]] = {}
-        # required sources that have deleted their last obstacle: they must go on all the same
-        self._inactive: set[str] = set()
+        # sources that have sent a message without obstacles, as a sign of life
+        self._alive: set[str] = set()
         # why no message of a source could be used
         self._unusable: dict[str, str] = {}
         # when a source is forgotten [s]
         self._ends: dict[str, float] = {}
         # how noisy the detections of a source were of late, where they were not exact [m]
         self._noise: dict[str, float] = {}
+        # the nodes that publish on the topic of a source
+        self._publishers: dict[str, Sequence[str]] = {}
         self._next_expiry = math.inf
         self._version = 0
         self._set: ObstacleSet | None = None
         self._cloud, self._cloud_source = DistanceField.none(), ""
         self._cloud_order = MessageOrder()
 
-    def hear(self, source: str, now: float, transit: float = 0.0, forget_after: float = 0.0) -> None:
-        """Note that a valid message of a source arrived, even one without obstacles, after a transit [s].
+    def hear(
+        self, source: str, now: float, transit: float = 0.0, forget_after: float = 0.0, empty: bool = False
+    ) -> None:
+        """Note that a valid message of a source arrived, after a transit [s].
 
         forget_after : [s] the source and its obstacles are forgotten so long after its last message; 0 never.
+        empty : it was one without obstacles, a sign of life that must be followed by others.
         """
+        if empty:
+            self._alive.add(source)
         _, newest = self._heard.get(source, (now, -math.inf))
         self._heard[source] = now, max(newest, now - max(0.0, transit))
         self._unusable.pop(source, None)
-        self._inactive.discard(source)
         self._ends[source] = now + forget_after if forget_after > 0.0 else math.inf
         self._next_expiry = min(self._next_expiry, self._ends[source])
+
+    def set_publishers(self, source: str, nodes: Sequence[str]) -> None:
+        """Set the full names of the nodes that publish on the topic of a source."""
+        if nodes != self._publishers.get(source, ()):
+            self._publishers[source] = nodes
+            self._changed()
 
     def refuse(self, source: str, reason: str) -> None:
         """Note that a message of a source could not be used.
 
-        Where nothing was heard of it before, or it has deleted its last obstacle, it is unusable until a message can be
-        used.
+        Where nothing is known of it, as nothing was heard of it before, or it has deleted its last obstacle, it is
+        unusable until a message can be used.
         """
-        if source not in self._heard or source in self._inactive:
+        if source not in self._heard or self._is_idle(source):
             self._unusable[source] = reason
 
     def put(
@@ -174,50 +194,55 @@ class ObstacleTracker:
         -------
         False when what is known of the same key was taken later: the message was overtaken and is ignored.
         """
-        tracks = self._tracks.setdefault(source, {})
-        before = tracks.get(key)
-        order = MessageOrder() if before is None else before.order
+        obstacle = self._tracked.setdefault(source, {}).setdefault(key, TrackedObstacle())
         taken = now - max(0.0, transit)
-        if order.register(taken):
+        if obstacle.order.register(taken):
             return False
         self.hear(source, now, transit, forget_after)
         expires = now + lifetime if lifetime > 0.0 else math.inf
-        if before is not None and before.deleted:
-            before = None
-        motion = ObstacleMotion(self._noise.get(source, 0.0)) if before is None else before.motion
         detected = tuple(float(c) for c in centre)
-        motion.see(detected, now - transit)
-        if motion.noise.deviation:
-            self._noise[source] = motion.noise.deviation
-        track = Track(detected, float(radius), now, taken, expires, solid, motion, order)
-        tracks[key] = track.placed(before)
-        self._next_expiry = min(self._next_expiry, expires, track.changes(now))
+        detection = Track(detected, float(radius), now, taken, expires, solid)
+        obstacle.see(detection, now - transit, self._noise.get(source, 0.0))
+        if obstacle.newest.motion.noise.deviation:
+            self._noise[source] = obstacle.newest.motion.noise.deviation
+        self._next_expiry = min(self._next_expiry, obstacle.changes(now))
         self._changed()
         return True
+
+    def answer_for(self, source: str, keys: Collection[Key], publishers: Collection[str]) -> None:
+        """Note that the newest messages about some obstacles were latched, by one of some publishers that live."""
+        for key in keys:
+            if obstacle := self._tracked.get(source, {}).get(key):
+                obstacle.publishers = frozenset(publishers)
+
+    def end(self, source: str, publisher: str, now: float) -> None:
+        """Note that a publisher has ended: nobody answers for what it may have latched any more."""
+        for obstacle in self._tracked.get(source, {}).values():
+            obstacle.abandon(publisher, now)
 
     def delete(self, source: str, key: Key, now: float, transit: float = 0.0) -> bool:
         """Remove one sphere; False when there is none or the message was overtaken."""
         self.hear(source, now, transit)
-        track = self._tracks.get(source, {}).get(key)
-        deleted = track is not None and not track.deleted and not track.order.register(now - max(0.0, transit))
-        if deleted:
-            self._mark_deleted(track, now)
-        self._deactivate_when_empty(source)
-        return deleted
+        obstacle = self._tracked.get(source, {}).get(key)
+        return obstacle is not None and self._delete(source, [obstacle], now, transit) == 1
 
     def delete_all(self, source: str, now: float, namespace: str = "", transit: float = 0.0) -> int:
-        """Remove every sphere of a source, or of one namespace when it is not empty; returns how many."""
+        """Remove every obstacle of a source, or of one namespace when it is not empty; returns how many."""
         self.hear(source, now, transit)
-        doomed = [
-            track
-            for key, track in self._tracks.get(source, {}).items()
-            if not track.deleted
-            and (not namespace or key[0] == namespace)
-            and not track.order.register(now - max(0.0, transit))
-        ]
-        for track in doomed:
-            self._mark_deleted(track, now)
-        self._deactivate_when_empty(source)
+        doomed = [one for key, one in self._tracked.get(source, {}).items() if not namespace or key[0] == namespace]
+        return self._delete(source, doomed, now, transit)
+
+    def _delete(self, source: str, obstacles: list[TrackedObstacle], now: float, transit: float) -> int:
+        taken = now - max(0.0, transit)
+        doomed = [one for one in obstacles if not one.deleted and not one.order.register(taken)]
+        for one in doomed:
+            # Remembered for a while, so that an overtaken ADD does not bring the obstacle back.
+            one.delete(now, now + REORDER_WINDOW)
+            self._next_expiry = min(self._next_expiry, one.expires)
+            self._changed()
+        if all(one.deleted for one in self._tracked.get(source, {}).values()):
+            self._alive.discard(source)
+            self._rest_when_empty(source)
         return len(doomed)
 
     def replace_cloud(
@@ -229,16 +254,16 @@ class ObstacleTracker:
         """
         if self._cloud_order.register(now - max(0.0, transit)):
             return False
-        self.hear(source, now, transit, forget_after)
+        self.hear(source, now, transit, forget_after, empty=True)
         self._cloud, self._cloud_source = cloud, source
         self._changed()
         return True
 
     def clear(self) -> None:
         """Forget every obstacle and that any source was heard."""
-        self._tracks.clear()
+        self._tracked.clear()
         self._heard.clear()
-        self._inactive.clear()
+        self._alive.clear()
         self._unusable.clear()
         self._ends.clear()
         self._noise.clear()
@@ -268,7 +293,8 @@ class ObstacleTracker:
     def silent(self, now: float, timeout: float) -> dict[str, float]:
         """The expected sources not heard for longer than a timeout [s], with how long it is [s].
 
-        So too, as source/namespace/id, obstacles that moved and were not published again, though their source talks.
+        So too, as source/namespace/id, obstacles that moved and were not published again, or that were latched by a
+        publisher that has ended, though their source talks.
         """
         return {name: now - arrival for name, arrival, _ in self._old(now, timeout) if now - arrival > timeout}
 
@@ -278,19 +304,48 @@ class ObstacleTracker:
         """
         return {name: now - taken for name, arrival, taken in self._old(now, timeout) if now - arrival <= timeout}
 
+    def alternating(self, now: float) -> dict[str, np.ndarray]:
+        """The obstacles, as source/namespace/id, that are detected at several places by turns, with these (n, 3) [m]:
+        two publishers use one name.
+        """
+        return {
+            _label(source, key): np.array(obstacle.centres(now))
+            for source, key, obstacle in self._existing()
+            if obstacle.alternates(now)
+        }
+
     def _old(self, now: float, timeout: float) -> Iterator[tuple[str, float, float]]:
         """What was taken longer ago: names, times of arrival, and when it was taken."""
+        named = set()
         for source, (arrival, taken) in self._heard.items():
-            if now - taken > timeout:
+            if now - taken > timeout and self._is_expected(source, timeout):
+                named.add(source)
                 yield source, arrival, taken
-        for source, tracks in self._tracks.items():
-            _, newest = self._heard.get(source, (now, now))
-            if now - newest <= timeout:
-                for key, track in tracks.items():
-                    moved = track.moves and now - track.taken > timeout
-                    received_late = not track.deleted and track.arrival - track.taken > timeout >= now - track.arrival
-                    if moved or received_late:
-                        yield _label(source, key), track.arrival, track.taken
+        for source, key, obstacle in self._existing():
+            track = obstacle.newest
+            moved = track.moves and now - track.taken > timeout
+            received_late = track.arrival - track.taken > timeout >= now - track.arrival
+            if now - obstacle.abandoned > timeout:
+                yield _label(source, key), obstacle.abandoned, obstacle.abandoned
+            elif source not in named and (moved or (received_late and not obstacle.is_answered_for(timeout))):
+                yield _label(source, key), track.arrival, track.taken
+
+    def _is_expected(self, source: str, timeout: float) -> bool:
+        """Whether a source must talk: nobody answers for one of its obstacles, or for there being none."""
+        own = [one for name, _, one in self._existing() if name == source and math.isinf(one.abandoned)]
+        unanswered = any(not one.is_answered_for(timeout) for one in own)
+        return unanswered or source in self._alive or (source in self._required and not own)
+
+    def _is_idle(self, source: str) -> bool:
+        """Whether a source has no obstacle, and gives no sign of life."""
+        return source not in self._alive and all(one.deleted for one in self._tracked.get(source, {}).values())
+
+    def _existing(self) -> Iterator[tuple[str, Key, TrackedObstacle]]:
+        """Obstacles that are not deleted."""
+        for source, obstacles in self._tracked.items():
+            for key, obstacle in obstacles.items():
+                if not obstacle.deleted:
+                    yield source, key, obstacle
 
     def current(self, now: float) -> ObstacleSet:
         """The spheres that exist now, expired ones removed."""
@@ -301,74 +356,73 @@ class ObstacleTracker:
         return self._set
 
     def _expire(self, now: float) -> None:
-        for tracks in self._tracks.values():
-            for key in [key for key, track in tracks.items() if now >= track.expires]:
-                del tracks[key]
+        for source, obstacles in self._tracked.items():
+            expired = [key for key, obstacle in obstacles.items() if now >= obstacle.expires]
+            for key in expired:
+                del obstacles[key]
+            if expired:
+                self._rest_when_empty(source)
         for source in [source for source, end in self._ends.items() if now >= end]:
             self._forget(source)
-        tracks = [track for tracks in self._tracks.values() for track in tracks.values()]
-        changes = [min(track.expires, track.changes(now)) for track in tracks]
+        changes = [one.changes(now) for obstacles in self._tracked.values() for one in obstacles.values()]
         self._next_expiry = min([*changes, *self._ends.values()], default=math.inf)
         self._changed()
 
     def _forget(self, source: str) -> None:
         del self._ends[source]
-        self._tracks.pop(source, None)
+        self._tracked.pop(source, None)
+        self._alive.discard(source)
         if source == self._cloud_source:
             self._cloud, self._cloud_order = DistanceField.none(), MessageOrder()
-        self._deactivate_when_empty(source)
+        self._rest_when_empty(source)
 
-    def _mark_deleted(self, track: Track, now: float) -> None:
-        # A deleted key is remembered for a while, so that an overtaken ADD does not bring the obstacle back.
-        track.deleted = True
-        track.expires = now + REORDER_WINDOW
-        self._next_expiry = min(self._next_expiry, track.expires)
-        self._changed()
-
-    def _deactivate_when_empty(self, source: str) -> None:
-        if all(track.deleted for track in self._tracks.get(source, {}).values()):
-            if source in self._required:
-                self._inactive.add(source)
-            else:
-                self._heard.pop(source, None)
+    def _rest_when_empty(self, source: str) -> None:
+        """Expect nothing more of a source whose last obstacle has vanished, unless it is required, or gives signs of
+        life.
+        """
+        if self._is_idle(source) and source not in self._required:
+            self._heard.pop(source, None)
 
     def _changed(self) -> None:
         self._version += 1
         self._set = None
 
     def _assemble(self, now: float) -> ObstacleSet:
-        alive = [
-            (source, key, place)
-            for source, tracks in sorted(self._tracks.items())
-            for key, track in sorted(tracks.items())
-            if not track.deleted
-            for place in track.places(now)
-        ]
-        spheres = [track for _, _, track in alive if track.solid is None]
-        solids = [track for _, _, track in alive if track.solid is not None]
+        existing = sorted(self._existing(), key=lambda item: item[:2])
+        most = max(1, _MOST_VELOCITIES // max(1, sum(obstacle.newest.moves for _, _, obstacle in existing)))
+        alive = [(source, key, place) for source, key, one in existing for place in one.places(now, most)]
+        ordered = sorted(alive, key=lambda item: item[2].solid is not None)
+        spheres = [place for _, _, place in alive if place.solid is None]
+        solids = [place for _, _, place in alive if place.solid is not None]
         return ObstacleSet(
-            np.array([track.centre for track in spheres], dtype=float).reshape(-1, 3),
-            np.array([track.radius for track in spheres], dtype=float),
-            tuple(_label(source, key) for source, key, _ in sorted(alive, key=lambda item: item[2].solid is not None)),
+            np.array([place.centre for place in spheres], dtype=float).reshape(-1, 3),
+            np.array([place.radius for place in spheres], dtype=float),
+            tuple(_label(source, key) for source, key, _ in ordered),
             self._version,
             _velocities(spheres),
             _velocity_errors(spheres),
-            np.array([track.since for track in spheres], dtype=float),
-            np.array([track.solid for track in solids], dtype=float).reshape(-1, 16),
+            np.array([place.since for place in spheres], dtype=float),
+            np.array([place.solid for place in solids], dtype=float).reshape(-1, 16),
             _velocities(solids),
             _velocity_errors(solids),
-            np.array([track.since for track in solids], dtype=float),
+            np.array([place.since for place in solids], dtype=float),
             self._cloud,
+            tuple(self._named(source, _label(source, key)) for source, key, _ in ordered),
+            self._named(self._cloud_source, f"the point cloud of {self._cloud_source}"),
         )
+
+    def _named(self, source: str, label: str) -> str:
+        nodes = self._publishers.get(source)
+        return f"{label}, published by {' or '.join(nodes)}," if nodes else label
 
 
 def _label(source: str, key: Key) -> str:
     return f"{source}/{key[0]}/{key[1]}"
 
 
-def _velocities(tracks: list[Track]) -> np.ndarray:
-    return np.array([track.motion.velocity for track in tracks], dtype=float).reshape(-1, 3)
+def _velocities(places: list[Place]) -> np.ndarray:
+    return np.array([place.velocity for place in places], dtype=float).reshape(-1, 3)
 
 
-def _velocity_errors(tracks: list[Track]) -> np.ndarray:
-    return np.array([track.motion.error for track in tracks], dtype=float)
+def _velocity_errors(places: list[Place]) -> np.ndarray:
+    return np.array([place.error for place in places], dtype=float)

@@ -32,7 +32,7 @@ from bisect import bisect_left
 from operator import add, sub
 
 from geodesic_motion_ros.obstacles.detection_noise import DetectionNoise, Point
-from geodesic_motion_ros.obstacles.velocity_history import CHANGE_FACTOR, VelocityHistory
+from geodesic_motion_ros.obstacles.velocity_history import CHANGE_FACTOR, VelocityBounds, VelocityHistory
 
 #: Detections of this last time [s] count, two of them at least; of exact ones (`DetectionNoise`) these alone.
 SHORTEST = 0.15
@@ -48,12 +48,10 @@ BREAK = 49.0
 BOUND = 3.0
 #: What stands begins to move with a slope of more than so many: noise alone makes that once in 65000.
 SIGNIFICANT = 5.0
-# After a gap longer than this [s], nobody knows what happened meanwhile.
+#: After a gap longer than this [s], nobody knows what happened meanwhile.
 LONGEST_GAP = 0.5
-# Nothing near an arm is faster [m/s]: it is another object under the same name.
-FASTEST = 3.0
-# Times of arrival are this uncertain [s]: two positions within less make no speed.
-_SHORTEST_INTERVAL = 0.01
+#: Nothing near an arm is faster [m/s]: what is farther off, and by more than so much [m], is at another place.
+FASTEST, SAME_PLACE = 3.0, 0.1
 #: Times that differ by less [s] are of one instant: a stamp is compared by two clocks, read one after the other.
 SAME_INSTANT = 0.001
 # Where detections are exact, what is less [m] is rounding: sums count from an origin that is renewed so often [s].
@@ -101,10 +99,10 @@ class ObstacleMotion:
     def see(self, centre: Point, time: float) -> None:
         """Take the newest detection [m], of `time` [s] of one clock."""
         if self._seen:
-            before, last, _ = self._seen[-1]
+            before = self._seen[-1][0]
             if abs(time - before) < SAME_INSTANT:
                 time = before
-            if not self._continues(time - before, math.dist(centre, last)):
+            if not (0.0 <= time - before <= LONGEST_GAP and self.is_reached(centre, time)):
                 self._begin_again()
         if self._seen and time == self._seen[-1][0]:
             self._sums = self._seen.pop()[2]
@@ -127,9 +125,40 @@ class ObstacleMotion:
         """Bound of the error of the velocity [m/s]: of the line, and by how it has changed in the last two seconds."""
         return self._velocity_error + (self._history.error(self.velocity, self.noise.deviation) if self.moves else 0.0)
 
-    def _continues(self, elapsed: float, distance: float) -> bool:
-        noise = math.sqrt(2.0 * BREAK) * self.noise.deviation
-        return 0.0 <= elapsed <= LONGEST_GAP and distance <= FASTEST * max(elapsed, _SHORTEST_INTERVAL) + noise
+    @property
+    def bounds(self) -> VelocityBounds:
+        """`error`, in two parts where the velocity has changed along its direction alone."""
+        if not self.moves:
+            return VelocityBounds(0.0, self._velocity_error)
+        along, across = self._history.bounds(self.velocity, self.noise.deviation)
+        return VelocityBounds(along, across + self._velocity_error)
+
+    @property
+    def newest(self) -> tuple[Point, float]:
+        """The newest detection (3,) [m], and its time [s]."""
+        time, centre, _ = self._seen[-1]
+        return centre, time
+
+    def is_reached(self, centre: Point, time: float) -> bool:
+        """Whether a velocity explains that it is detected there (3,) [m] at a time [s]."""
+        last, before = self.newest
+        return math.dist(centre, last) <= max(FASTEST * abs(time - before), SAME_PLACE) + self.noise_bound
+
+    def is_at(self, centre: Point, time: float) -> bool:
+        """Whether it is expected there (3,) [m] at a time [s]."""
+        return self.distance(centre, time) <= SAME_PLACE + self.noise_bound
+
+    def distance(self, centre: Point, time: float) -> float:
+        """How far a detection (3,) [m] at a time [s] is from where it is expected, or from the last one [m]."""
+        last, before = self.newest
+        passed = max(0.0, time - before)
+        expected = [p + passed * v for p, v in zip(self.place, self.velocity, strict=True)]
+        return min(math.dist(centre, expected), math.dist(centre, last))
+
+    @property
+    def noise_bound(self) -> float:
+        """How far apart noise alone makes two detections of one place [m]."""
+        return math.sqrt(2.0 * BREAK) * self.noise.deviation
 
     def _add(self, centre: Point, time: float) -> None:
         self._seen.append((time, centre, self._sums))

@@ -2,14 +2,17 @@
 
 An obstacle that moves straight on is expected to go on so. One that has turned, started or changed its speed may do so
 again, and meet an arm that passes it on its straight line: in the prediction it is enlarged with time, by a multiple of
-what its velocity has changed, and no faster than it moves. Changes that may come from noise of the detected positions
-do not count. One that begins to move, or turns for the first time, or stops for a moment, is not foreseen.
+what its velocity has changed, and no faster than it moves. One that has sped up or slowed down on a straight line may
+do so again, but hardly leaves the line: it is expected at several velocities along it, and enlarged by less, so that an
+arm finds room beside the line. Changes that may come from noise of the detected positions do not count. One that begins
+to move, or turns for the first time, or stops for a moment, is not foreseen.
 """
 
 from __future__ import annotations
 
 import math
 from collections import deque
+from typing import NamedTuple
 
 Vector = tuple[float, float, float]
 
@@ -20,6 +23,28 @@ CHANGE_FACTOR = 4.0
 #: Changes of the velocity [m/s] up to so many times the noise of a position [m] (standard deviation, each axis) may
 #: come from that alone: of the velocities of `obstacles/velocity_filter.py` 98 % of them do, from 10 to 60 a second.
 NOISE_FACTOR = 25.0
+#: Velocities along a line differ by no more than twice this [m/s], where there may be so many.
+APART = 0.03
+
+
+class VelocityBounds(NamedTuple):
+    """Bounds of the error of a velocity in a prediction [m/s]: along its direction, and to every side."""
+
+    along: float
+    across: float
+
+    def velocities(self, velocity: Vector, most: int) -> list[tuple[Vector, float]]:
+        """Velocities (3,) [m/s], each with a bound of its error to every side [m/s], that cover the bounds together; at
+        most so many.
+        """
+        if not self.along:
+            return [(velocity, self.across)]
+        speed = math.hypot(*velocity)
+        count = max(1, min(math.ceil(self.along / max(self.across, APART)), most))
+        half = self.along / count
+        factors = (1.0 + half * (2 * i + 1 - count) / speed for i in range(count))
+        error = min(math.hypot(half, self.across), speed)
+        return [((f * velocity[0], f * velocity[1], f * velocity[2]), error) for f in factors]
 
 
 class VelocityHistory:
@@ -59,6 +84,21 @@ class VelocityHistory:
         """
         change = max((math.dist(mean, velocity) for _, mean in self._means), default=0.0)
         return min(CHANGE_FACTOR * max(0.0, change - NOISE_FACTOR * noise), math.hypot(*velocity))
+
+    def bounds(self, velocity: Vector, noise: float = 0.0) -> VelocityBounds:
+        """`error` in two parts: along the present velocity, where it is its speed that has changed, and across it. Each
+        is worked out as `error`, of the parts of the changes in its direction.
+        """
+        speed = math.hypot(*velocity)
+        along = across = 0.0
+        for _, mean in self._means:
+            change = velocity[0] - mean[0], velocity[1] - mean[1], velocity[2] - mean[2]
+            part = abs(sum(c * v for c, v in zip(change, velocity, strict=True))) / speed
+            along, across = max(along, part), max(across, math.sqrt(max(0.0, math.hypot(*change) ** 2 - part**2)))
+        along, across = (min(CHANGE_FACTOR * max(0.0, c - NOISE_FACTOR * noise), speed) for c in (along, across))
+        if along <= 2.0 * max(across, APART):
+            return VelocityBounds(0.0, self.error(velocity, noise))
+        return VelocityBounds(along, across)
 
 
 def _velocity(begin: Vector, end: Vector, duration: float) -> Vector:

@@ -26,6 +26,30 @@ def configuration_clearance(
     return obstacle_clearance(model, robot, configuration, Obstacles.of_spheres(centres, radii))
 
 
+def nearest_obstacle(model: CollisionModel, robot: Robot, configuration: np.ndarray, obstacles: Obstacles) -> str:
+    """Name the obstacle that is nearest to the moving spheres in a configuration (eta,) [rad]; one without a name by
+    where it is.
+    """
+    placed, radii = model.positions(robot, configuration[None])[0, model.moving], model.radii[model.moving]
+    gaps = np.linalg.norm(placed[:, None] - obstacles.centres, axis=-1) - obstacles.radii - radii[:, None]
+    names = [
+        (obstacles.names, "the sphere", obstacles.centres, gaps.min(axis=0, initial=np.inf)),
+        (
+            obstacles.solid_names, "the solid", obstacles.solids[:, :3],
+            [np.min(solid_distances(placed, row[None]) - radii) for row in obstacles.solids],
+        ),
+    ]  # fmt: skip
+    found = [
+        (distance, named[i] if named else f"{kind} at {np.round(centres[i], 3).tolist()} m")
+        for named, kind, centres, distances in names
+        for i, distance in enumerate(distances)
+    ]
+    if obstacles.cloud.squares.size:
+        distance = np.min(field_distances(placed, *obstacles.cloud) - radii)
+        found.append((distance, obstacles.cloud_name or "the point cloud"))
+    return min(found)[1]
+
+
 def obstacle_clearance(
     model: CollisionModel, robot: Robot, configuration: np.ndarray, obstacles: Obstacles
 ) -> tuple[float, int]:

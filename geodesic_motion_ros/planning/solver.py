@@ -18,7 +18,7 @@ from geodesic_motion_ros.manifold.obstacle_weights import NodeEvaluation
 from geodesic_motion_ros.manifold.pose_graph import PoseGraph
 from geodesic_motion_ros.obstacles.obstacles import Obstacles
 from geodesic_motion_ros.planning import settings as constants
-from geodesic_motion_ros.planning.arm_clearance import obstacle_clearance
+from geodesic_motion_ros.planning.arm_clearance import nearest_obstacle, obstacle_clearance
 from geodesic_motion_ros.planning.arm_in_scene import ArmInScene
 from geodesic_motion_ros.planning.certificate import ArmCertifier, Certificate
 from geodesic_motion_ros.planning.declared_scene import DeclaredScene
@@ -416,7 +416,8 @@ class Solver:
             clearance, sphere = obstacle_clearance(self.collision, self.robot, configuration, there)
             reason = self._entered_scene(configuration)
             if not clearance > 0.0:
-                reason = f"'{self.collision.link_of(sphere)}' overlaps an obstacle by {-1000 * clearance:.0f} mm"
+                name = nearest_obstacle(self.collision, self.robot, configuration, there)
+                reason = f"'{self.collision.link_of(sphere)}' overlaps {name} by {-1000 * clearance:.0f} mm"
             if reason:
                 verdict = Verdict(
                     code, f"{reason} where the arm {where}", clearance=clearance if clearance <= 0.0 else math.nan,

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import copy
 import threading
+from functools import partial
 
 import numpy as np
 import pytest
+import rclpy
 from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import PointStamped
 from rclpy.parameter import Parameter
@@ -28,6 +30,10 @@ def sphere(centre: np.ndarray, radius: float = 0.2) -> Marker:
     return marker
 
 
+def spheres_at(x: float) -> MarkerArray:
+    return MarkerArray(markers=[sphere(np.array([x, 2.0, 2.0]))])
+
+
 class TestObstacles:
     def test_all_paths_blocked_then_freed(self, moving, wall):
         moving.send_spheres(wall)
@@ -37,8 +43,9 @@ class TestObstacles:
 
     def test_obstacle_on_the_robot(self, moving, skill):
         moving.send_spheres((skill.start_pose[:3], 0.45))
-        status = moving.wait_for_code("IN_COLLISION")
+        status = moving.wait_for_code("IN_COLLISION", "published by /probe")
         assert float(status["clearance"]) < 0.0
+        assert "overlaps obstacles/test/0, published by /probe, by" in status["reason"]
 
     @pytest.mark.parametrize("policy", ["hold", "keep"])
     def test_policy_when_an_obstacle_topic_falls_silent(self, bench, planner_options, start_joints, skill, policy):
@@ -130,6 +137,33 @@ class TestObstacles:
         bench.send_joint_states(start_joints)
         bench.send_goal(skill.goal_pose)
         bench.wait_for_code("NO_FEASIBLE_PATH")
+
+    def test_a_latched_obstacle_stands_as_long_as_its_publisher_lives(
+        self, bench, planner_options, start_joints, skill
+    ):
+        latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+        context = rclpy.Context()
+        rclpy.init(context=context)
+        table = rclpy.create_node("table", context=context)
+        table.create_publisher(Marker, "obstacle_marker", latched).publish(sphere([2.0, 2.0, 2.0]))
+        bench.watch_planner()
+        bench.add(PlannerNode, **planner_options | {"obstacle_timeout": 0.5})
+        bench.listen(DiagnosticArray, "/diagnostics")
+        bench.send_joint_states(start_joints)
+        bench.send_goal(skill.goal_pose)
+        bench.wait_for_code("OK")
+        bench.wait(lambda: float(bench.health().get("age_obstacle_marker", "0")) > 1.0, "one that was sent long ago")
+        assert bench.status()["code"] == "OK"
+        table.destroy_node()
+        rclpy.try_shutdown(context=context)
+        bench.wait_for_code("STALE_OBSTACLES", "silent: obstacle_marker//0;")
+
+    def test_two_publishers_of_one_name_are_named_and_both_places_count(self, moving):
+        for x in (2.0, 3.0):
+            moving.repeat(0.1, partial(moving.publisher(MarkerArray, "obstacles").publish, spheres_at(x)))
+        said = "obstacles: obstacles//0: two places alternate, [2.0, 2.0, 2.0] and [3.0, 2.0, 2.0] m: two publishers?"
+        moving.wait(lambda: moving.status()["refused_input"].startswith(said), "the name of the obstacle")
+        assert len(moving.planner.inputs.snapshot().obstacles.radii) == 2
 
     def test_obstacles_of_a_best_effort_publisher_count(self, moving, wall):
         profile = QoSProfile(depth=5, reliability=ReliabilityPolicy.BEST_EFFORT)

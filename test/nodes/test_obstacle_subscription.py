@@ -25,14 +25,22 @@ class Topic:
     def __init__(self, context: Any) -> None:
         self.listener, self.talker = (rclpy.create_node(name, context=context) for name in ("listener", "talker"))
         self.received: list[int] = []
+        # Of those that were latched, by how many publishers it may have been; and the publishers that have ended.
+        self.latched: list[tuple[int, int]] = []
+        self.ended: list[str] = []
         self._executor = EventsExecutor(context=context)
         self._executor.add_node(self.listener)
 
     def subscribe(self, reliability: ReliabilityPolicy = RELIABLE) -> ObstacleSubscription:
-        def take(marker: Marker) -> None:
+        def take(marker: Marker) -> int:
             self.received.append(marker.id)
+            return marker.id
 
-        return ObstacleSubscription(self.listener, Marker, "marker", take, 50, reliability)
+        return ObstacleSubscription(
+            self.listener, Marker, "marker", take, 50, reliability,
+            take_latched=lambda number, publishers: self.latched.append((number, len(publishers))),
+            take_end=self.ended.append,
+        )  # fmt: skip
 
     def publisher(self, reliability: ReliabilityPolicy = RELIABLE, **policies: Any) -> Any:
         return self.talker.create_publisher(Marker, "marker", QoSProfile(depth=50, reliability=reliability, **policies))
@@ -73,6 +81,31 @@ def test_what_a_latched_publisher_sent_before_is_received_and_what_it_sends_then
     latched.publish(Marker(id=20))
     topic.wait(lambda: 20 in topic.received)
     assert topic.received == list(range(21))
+
+
+def test_what_was_latched_is_known_and_when_its_publisher_has_ended(topic):
+    """Whether it was sent before the subscription or after, and whatever else is published."""
+    before = topic.publisher(durability=LATCHED)
+    before.publish(Marker(id=1))
+    subscription = topic.subscribe()
+    topic.wait(lambda: topic.latched == [(1, 1)])
+    other = topic.publisher()
+    topic.wait(lambda: before.get_subscription_count() == 2 and other.get_subscription_count() == 1)
+    before.publish(Marker(id=2))
+    other.publish(Marker(id=3))
+    topic.wait(lambda: (2, 1) in topic.latched and 3 in topic.received)
+    assert subscription.publishers == ("/talker",)
+    assert not topic.ended
+    topic.talker.destroy_publisher(before)
+
+    def ended() -> bool:
+        # The graph may know of it after the subscriptions do.
+        subscription.look_for_latching()
+        return bool(topic.ended)
+
+    topic.wait(ended)
+    assert topic.received == [1, 2, 3]
+    assert topic.latched == [(1, 1), (2, 1)]
 
 
 def test_the_same_message_sent_again_counts_again(topic):

@@ -26,9 +26,9 @@ def box(centre: np.ndarray) -> np.ndarray:
 def test_same_key_moves_the_obstacle_another_key_adds_one():
     tracker = ObstacleTracker()
     tracker.put("obstacles", ("a", 1), HERE, 0.05, now=0.0)
-    tracker.put("obstacles", ("a", 1), THERE, 0.04, now=0.1)
-    tracker.put("obstacles", ("b", 1), HERE, 0.03, now=0.1)
-    seen = tracker.current(0.2)
+    tracker.put("obstacles", ("a", 1), THERE, 0.04, now=1.0)
+    tracker.put("obstacles", ("b", 1), HERE, 0.03, now=1.0)
+    seen = tracker.current(1.1)
     np.testing.assert_array_equal(seen.centres, [THERE, HERE])
     np.testing.assert_array_equal(seen.radii, [0.04, 0.03])
     assert seen.labels == ("obstacles/a/1", "obstacles/b/1")
@@ -146,18 +146,100 @@ def test_deleted_keys_are_forgotten_after_the_window():
 def test_without_stamps_every_message_counts():
     tracker = ObstacleTracker()
     tracker.put("obstacle_point", ("", 0), HERE, 0.05, now=0.0)
-    assert tracker.put("obstacle_point", ("", 0), THERE, 0.05, now=0.0)
-    np.testing.assert_array_equal(tracker.current(0.0).centres, [THERE])
+    assert tracker.put("obstacle_point", ("", 0), HERE + 0.01, 0.05, now=0.0)
+    np.testing.assert_array_equal(tracker.current(0.0).centres, [HERE + 0.01])
 
 
-def test_a_source_that_stops_talking_is_silent_even_when_its_obstacles_have_expired():
+def test_a_source_that_stops_talking_is_silent_until_its_obstacles_were_to_vanish():
+    """The control gives signs of life besides: it is expected to go on."""
     tracker = ObstacleTracker()
-    tracker.put("obstacles", ("", 0), HERE, 0.05, now=0.0, lifetime=0.2)
-    assert tracker.silent(0.5, timeout=0.5) == {}
-    assert len(tracker.current(0.6).radii) == 0
-    assert tracker.silent(0.6, timeout=0.5) == {"obstacles": 0.6}
-    tracker.hear("obstacles", 0.7)
+    for now in np.arange(0.0, 0.31, 0.1):
+        for source in ("obstacles", "obstacle_marker"):
+            tracker.put(source, ("", 0), HERE, 0.05, now=now, lifetime=0.8)
+        tracker.hear("obstacle_marker", now, empty=True)
     assert tracker.silent(0.8, timeout=0.5) == {}
+    assert tracker.silent(1.0, timeout=0.5) == pytest.approx({"obstacles": 0.7, "obstacle_marker": 0.7})
+    assert len(tracker.current(1.2).radii) == 0
+    assert tracker.silent(1.2, timeout=0.5) == pytest.approx({"obstacle_marker": 0.9})
+
+
+def test_a_required_source_is_expected_to_go_on_when_its_obstacles_have_vanished():
+    tracker = ObstacleTracker(["obstacles"])
+    tracker.put("obstacles", ("", 0), HERE, 0.05, now=0.0, lifetime=0.8)
+    assert tracker.silent(0.7, timeout=0.5) == {}
+    assert len(tracker.current(0.8).radii) == 0
+    assert tracker.silent(0.9, timeout=0.5) == {"obstacles": 0.9}
+    tracker.refuse("obstacles", "bad")
+    assert list(tracker.unusable()) == ["obstacles"]
+
+
+class TestLatched:
+    """Of obstacles that were latched by publishers "a" and "b"."""
+
+    def put(self, tracker: ObstacleTracker, number: int, now: float, *publishers: str, lifetime: float = 0.0) -> None:
+        tracker.put("obstacles", ("", number), HERE, 0.05, now=now, lifetime=lifetime)
+        tracker.answer_for("obstacles", [("", number)], publishers)
+
+    def test_what_was_latched_stands_as_long_as_its_publisher_lives(self) -> None:
+        tracker = ObstacleTracker()
+        self.put(tracker, 0, 0.0, "a")
+        self.put(tracker, 1, 0.0, "b")
+        assert tracker.silent(100.0, 0.5) == tracker.late(100.0, 0.5) == {}
+        tracker.end("obstacles", "a", 100.0)
+        assert tracker.silent(100.4, 0.5) == {}
+        assert tracker.silent(101.0, 0.5) == {"obstacles//0": 1.0}
+        assert len(tracker.current(101.0)) == 2
+        # Its publisher has come back.
+        self.put(tracker, 0, 102.0, "a")
+        assert tracker.silent(200.0, 0.5) == {}
+
+    def test_of_two_publishers_of_whom_one_has_ended_it_may_have_been_that_one(self) -> None:
+        tracker = ObstacleTracker()
+        self.put(tracker, 0, 0.0, "a", "b")
+        tracker.end("obstacles", "b", 1.0)
+        assert list(tracker.silent(2.0, 0.5)) == ["obstacles//0"]
+
+    def test_what_is_published_again_and_again_must_go_on(self) -> None:
+        """A detector that latches what it sends. The control sends no more often than the timeout."""
+        for period, silent in ((0.1, ["obstacles"]), (0.6, [])):
+            tracker = ObstacleTracker()
+            for number in range(10):
+                self.put(tracker, 0, period * number, "a")
+            assert list(tracker.silent(9.0 * period + 1.0, 0.5)) == silent
+
+    def test_what_was_not_latched_beside_it_must_go_on(self) -> None:
+        tracker = ObstacleTracker()
+        self.put(tracker, 0, 0.0, "a")
+        self.put(tracker, 1, 0.0)
+        assert tracker.silent(2.0, 0.5) == {"obstacles": 2.0}
+        tracker.delete("obstacles", ("", 1), 3.0)
+        assert tracker.silent(9.0, 0.5) == {}
+
+    def test_a_sign_of_life_must_be_followed_by_others_whatever_stands_beside_it(self) -> None:
+        tracker = ObstacleTracker()
+        self.put(tracker, 0, 0.0, "a")
+        tracker.hear("obstacles", 1.0, empty=True)
+        assert tracker.silent(2.0, 0.5) == {"obstacles": 1.0}
+
+    def test_what_moved_must_go_on(self) -> None:
+        tracker = ObstacleTracker()
+        for number in range(2):
+            tracker.put("obstacles", ("", 0), HERE + 0.1 * number, 0.05, now=0.4 * number)
+            tracker.answer_for("obstacles", [("", 0)], ["a"])
+        assert list(tracker.silent(2.0, 0.5)) == ["obstacles//0"]
+
+    def test_what_vanishes_by_itself_needs_no_publisher(self) -> None:
+        tracker = ObstacleTracker()
+        self.put(tracker, 0, 0.0, "a", lifetime=9.0)
+        tracker.end("obstacles", "a", 1.0)
+        assert tracker.silent(8.0, 0.5) == {}
+
+    def test_a_latched_message_of_long_ago_does_not_lag(self) -> None:
+        tracker = ObstacleTracker()
+        tracker.put("obstacles", ("", 0), HERE, 0.05, now=0.0, transit=3600.0)
+        assert tracker.late(0.1, 0.5) == {"obstacles": 3600.1}
+        tracker.answer_for("obstacles", [("", 0)], ["a"])
+        assert tracker.late(0.1, 0.5) == tracker.silent(10.0, 0.5) == {}
 
 
 def test_a_source_that_deletes_its_last_obstacle_has_said_goodbye():
@@ -268,10 +350,9 @@ def test_agrees_with_a_plain_dictionary_of_expiry_times(events):
     tracker, model, now = ObstacleTracker(), {}, 0.0
     for number, (action, key, lifetime, pause) in enumerate(events):
         now += pause
-        centre = np.full(3, float(number))
         if action == "put":
-            tracker.put("obstacles", key, centre, 0.1, now, lifetime)
-            model[key] = (centre, now + lifetime if lifetime > 0.0 else np.inf)
+            tracker.put("obstacles", key, HERE, 0.1 + number, now, lifetime)
+            model[key] = (0.1 + number, now + lifetime if lifetime > 0.0 else np.inf)
         elif action == "delete":
             tracker.delete("obstacles", key, now)
             model.pop(key, None)
@@ -280,7 +361,7 @@ def test_agrees_with_a_plain_dictionary_of_expiry_times(events):
             model.clear()
         model = {key: entry for key, entry in model.items() if now < entry[1]}
         expected = [entry[0] for _, entry in sorted(model.items())]
-        np.testing.assert_array_equal(tracker.current(now).centres, np.reshape(expected, (-1, 3)))
+        np.testing.assert_array_equal(tracker.current(now).radii, expected)
 
 
 def moved(tracker: ObstacleTracker, until: float, stamped: bool = False, key: tuple[str, int] = ("", 0)) -> None:

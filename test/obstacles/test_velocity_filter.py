@@ -10,7 +10,15 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from geodesic_motion_ros.obstacles.velocity_filter import BOUND, FASTEST, LONGEST, LONGEST_GAP, SHORTEST, ObstacleMotion
+from geodesic_motion_ros.obstacles.velocity_filter import (
+    BOUND,
+    FASTEST,
+    LONGEST,
+    LONGEST_GAP,
+    SAME_PLACE,
+    SHORTEST,
+    ObstacleMotion,
+)
 
 STAMP = 1.7e9
 ZERO = (0.0, 0.0, 0.0)
@@ -233,12 +241,13 @@ def test_after_a_gap_it_begins_again() -> None:
 
 
 def test_a_jump_is_another_object() -> None:
-    times = np.arange(6) / 60.0
-    centres = np.zeros((6, 3))
-    centres[3:, 1] = 1.1 * FASTEST / 60.0
-    np.testing.assert_array_equal(seen(centres, times), 0.0)
-    centres[3:, 1] = 0.9 * FASTEST / 60.0
-    assert seen(centres, times)[3, 1] > 0.0
+    for rate, longest in ((60.0, SAME_PLACE), (10.0, FASTEST / 10.0)):
+        times = np.arange(6) / rate
+        centres = np.zeros((6, 3))
+        centres[3:, 1] = 1.1 * longest
+        np.testing.assert_array_equal(seen(centres, times), 0.0)
+        centres[3:, 1] = 0.9 * longest
+        assert seen(centres, times)[3, 1] > 0.0
 
 
 def test_messages_that_arrive_together_after_a_stall_are_no_jump() -> None:

@@ -60,6 +60,6 @@ def test_places_lie_on_the_motion_and_a_sphere_there_that_leaves_the_ends_free_t
     assert places.free[1] > places.free[0]
     planner.set_detour(0.0)
     touching = planned(planner, places.centres[1], places.free[1] + 0.002)
-    assert "overlaps an obstacle" in touching.verdict.reason
+    assert "overlaps the sphere at" in touching.verdict.reason
     free = planned(planner, places.centres[1], places.free[1] - 0.002)
-    assert "overlaps an obstacle" not in free.verdict.reason
+    assert "overlaps the sphere" not in free.verdict.reason
