@@ -24,6 +24,7 @@ from geodesic_motion_ros.demonstrations.quaternion_order import looks_scalar_las
 from geodesic_motion_ros.demonstrations.readers import (
     ANGLES,
     METRES_PER_UNIT,
+    check_kind,
     holds_joints,
     is_mapped,
     joint_takes,
@@ -182,6 +183,7 @@ def read_recorded(
         refuse_other_space(arguments, space, options, paths[0])
         return recording
     (path,) = paths
+    check_kind(path)
     space = recorded_space(arguments, path)
     columns = arguments.columns or DEFAULT_COLUMNS
     if is_mapped(path, columns):  # of joints too

@@ -91,7 +91,7 @@ def run(arguments: argparse.Namespace) -> None:
     writable(arguments.html)
     path = Path(arguments.skill)
     tables = files_in(path) and not (path / DESCRIPTION).exists()
-    if is_bag(path) or path.suffix.lower() in _FILES or tables:
+    if is_bag(path) or tables or path.is_file() or path.suffix.lower() in _FILES:
         if arguments.html is not None:
             raise ParameterError(f"--html is of skills, {path} is a recording: `train` writes one of what it learns")
         run_recording(arguments, path)

@@ -98,6 +98,8 @@ def mapped_tables(path: Path, columns: str, joint_names: Sequence[str] = ()) -> 
         found.append(_note(path, f"has {called}", "as quaternions"))
     elif not joint_names and QUATERNION[0] not in table:
         found.append(_note(path, "has positions alone", "the orientation of the tool is not learned"))
+    if TIME not in table:
+        found.append(_note(path, "has no times, as --columns names none", "as so many samples a second as --rate says"))
     labels = None
     if DEMONSTRATION in mapping:
         column = cells.columns[_places(names, mapping[DEMONSTRATION], DEMONSTRATION, path)[0]]

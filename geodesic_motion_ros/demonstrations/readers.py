@@ -181,6 +181,16 @@ def joint_demonstrations_of(takes: Sequence[Take], robot: str) -> JointDemonstra
     return demonstrations
 
 
+def check_kind(path: Path) -> None:
+    """Refuse a file of a kind that is not read: DemonstrationError, with what makes one that is."""
+    kinds = (".npy", ".npz", *TEXT_FILES)
+    if path.is_file() and path.suffix.lower() not in kinds:
+        raise DemonstrationError(
+            f"{path}: cannot read '{path.suffix}' files, only bags and {', '.join(kinds)}: export it as .csv (with "
+            "pandas: read_parquet, read_excel or read_json, then to_csv)"
+        )
+
+
 def is_mapped(path: Path, columns: str) -> bool:
     """Whether a file is one of another program, of which `columns` says which column is which."""
     suffix = path.suffix.lower()

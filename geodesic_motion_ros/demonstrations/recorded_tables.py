@@ -166,9 +166,11 @@ def _split_array(array: np.ndarray, names: tuple[str, ...], path: Path) -> dict[
     if len(array) > MOST_DEMONSTRATIONS:
         raise DemonstrationError(f"{path}: {len(array)} demonstrations; at most {MOST_DEMONSTRATIONS} are read")
     if array.shape[2] != len(names):
+        other = [axis for axis in (0, 1) if array.shape[axis] == len(names)]
+        transposed = f"; columns are the last axis: are they axis {other[0]} of {array.shape}?" if other else ""
         raise DemonstrationError(
             f"{path}: {array.shape[2]} columns, but {len(names)} were announced: {','.join(names)}; name the "
-            "columns of the file in their order"
+            f"columns of the file in their order{transposed}"
         )
     return {
         f"{path.stem}_{index}": {name: sheet[:, column] for column, name in enumerate(names)}

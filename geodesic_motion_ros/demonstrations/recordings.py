@@ -12,6 +12,7 @@ from geodesic_motion_ros.demonstrations.demonstrations import Demonstrations
 from geodesic_motion_ros.demonstrations.flaws import find_strangers, repair_demonstration, repair_samples
 from geodesic_motion_ros.demonstrations.joint_demonstrations import JointDemonstrations
 from geodesic_motion_ros.demonstrations.readers import demonstrations_of, in_radians, joint_demonstrations_of
+from geodesic_motion_ros.demonstrations.returns import find_returns
 from geodesic_motion_ros.demonstrations.splitting import Split, split
 from geodesic_motion_ros.demonstrations.takes import NO_FLAW, Action, Flaw, Take
 from geodesic_motion_ros.demonstrations.turns import aligned, unwrapped
@@ -101,7 +102,7 @@ class Recording:
         found = cls(tuple(takes), tuple(motion for motion, _ in repaired), tuple(flaws), robot)
         if found.refused or not found._kept():
             return found
-        return cls(found.takes, found.motions, (*flaws, *found._strangers()), robot)
+        return cls(found.takes, found.motions, (*flaws, *found._strangers(), *find_returns(found._kept())), robot)
 
     @property
     def refused(self) -> tuple[Flaw, ...]:

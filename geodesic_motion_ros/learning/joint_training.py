@@ -24,7 +24,7 @@ from geodesic_motion_ros.learning.densities import divergence_from_normal, gauss
 from geodesic_motion_ros.learning.joint_calibration import assemble_joint_skill
 from geodesic_motion_ros.learning.joint_space import JointSpaceVAE
 from geodesic_motion_ros.learning.networks import RadialBasisNetwork, kernel_rate, place_centres
-from geodesic_motion_ros.learning.optimisation import Progress, descend, minimise, one_seeded_thread
+from geodesic_motion_ros.learning.optimisation import Progress, descend, drawn_rows, minimise, one_seeded_thread
 from geodesic_motion_ros.learning.progress_prior import prior_means, prior_variance
 from geodesic_motion_ros.learning.settings import JointTrainingSettings
 from geodesic_motion_ros.manifold.configuration_graph import JointMetricSettings
@@ -211,7 +211,7 @@ def _fit_sigma(
     The volume does not depend on sigma.
     """
     with torch.no_grad():
-        repeated = data.configurations.repeat(settings.precision_samples, 1)
+        repeated = data.configurations[drawn_rows(len(data.configurations), settings.precision_samples)]
         latent, _, _ = vae.sample(repeated)
         means = vae.decoder.means(latent)
     network = vae.decoder.inverse_sigma = _basis_network(vae, data, settings)

@@ -26,7 +26,7 @@ from geodesic_motion_ros.demonstrations.modes import blend_weights, cluster_mode
 from geodesic_motion_ros.learning.calibration import assemble_skill
 from geodesic_motion_ros.learning.densities import divergence_from_normal
 from geodesic_motion_ros.learning.networks import RadialBasisNetwork, kernel_rate, place_centres
-from geodesic_motion_ros.learning.optimisation import Progress, descend, minimise, one_seeded_thread
+from geodesic_motion_ros.learning.optimisation import Progress, descend, drawn_rows, minimise, one_seeded_thread
 from geodesic_motion_ros.learning.progress_prior import prior_means, prior_variance
 from geodesic_motion_ros.learning.settings import TrainingSettings
 from geodesic_motion_ros.learning.task_space import FixedPrecisions, Means, Precisions, TaskSpaceVAE
@@ -231,7 +231,8 @@ def _fit_precisions(vae: TaskSpaceVAE, poses: Poses, settings: TrainingSettings,
     """Maximum likelihood of sigma and kappa with the means frozen and z ~ q(z | x, q) drawn once."""
     inverse_sigma, kappa = _basis_networks(vae, poses, settings)
     vae.decoder.set_precisions(inverse_sigma, kappa)
-    repeated = Poses(*(values.repeat(settings.precision_samples, 1) for values in poses))
+    drawn = drawn_rows(len(poses.positions), settings.precision_samples)
+    repeated = Poses(*(values[drawn] for values in poses))
     with torch.no_grad():
         latent, _, _ = vae.sample(repeated.positions, repeated.quaternions)
         means = vae.decoder.means(latent)

@@ -147,6 +147,12 @@ def test_what_cannot_be_learned_from_is_said_in_one_line_and_nothing_is_written(
     assert not (tmp_path / "s").exists()
 
 
+def test_files_of_other_kinds_are_refused_with_what_makes_one_that_is_read(tmp_path, capsys) -> None:
+    (tmp_path / "episode.parquet").write_bytes(b"PAR1")
+    assert main(["inspect", str(tmp_path / "episode.parquet")]) == 2
+    assert "cannot read '.parquet' files, only bags and .npy, .npz, .csv" in capsys.readouterr().err
+
+
 def test_inspect_of_an_empty_folder_names_both_that_it_could_be(tmp_path, capsys) -> None:
     assert main(["inspect", str(tmp_path)]) == 2
     assert "holds neither a skill (skill.yaml) nor a recording (metadata.yaml" in capsys.readouterr().err

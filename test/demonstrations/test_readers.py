@@ -195,6 +195,13 @@ def test_bad_rates_are_refused(tmp_path, rate):
         read_demonstrations(tmp_path / "any.npy", "m", rate_hz=rate)
 
 
+def test_columns_on_another_axis_are_recognised(tmp_path, recording):
+    for axes, place in (((0, 2, 1), 1), ((2, 1, 0), 0)):
+        np.save(tmp_path / "turned.npy", recording.transpose(axes))
+        with pytest.raises(DemonstrationError, match=f"columns are the last axis: are they axis {place} of"):
+            read_demonstrations(tmp_path / "turned.npy", "cm")
+
+
 def test_pickles_are_refused(tmp_path, recording):
     np.save(tmp_path / "pour.npy", np.array(list(recording) + [None], dtype=object), allow_pickle=True)
     with pytest.raises(DemonstrationError, match="pickled objects are refused"):

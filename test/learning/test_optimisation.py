@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 import torch
 
-from geodesic_motion_ros.learning.optimisation import descend, minimise, one_seeded_thread
+from geodesic_motion_ros.learning.optimisation import MOST_DRAWN, descend, drawn_rows, minimise, one_seeded_thread
 
 TARGET = torch.tensor([1.0, -2.0, 0.5], dtype=torch.double)
 
@@ -18,6 +18,14 @@ def test_what_is_drawn_depends_on_the_seed_alone() -> None:
             assert torch.get_num_threads() == 1
     assert torch.equal(draws[0], draws[1])
     assert not torch.equal(draws[0], draws[2])
+
+
+def test_rows_are_drawn_as_often_as_requested_up_to_what_memory_holds() -> None:
+    assert drawn_rows(3, 2).tolist() == [0, 1, 2, 0, 1, 2]
+    assert len(drawn_rows(MOST_DRAWN // 2, 2)) == MOST_DRAWN
+    many = drawn_rows(MOST_DRAWN, 3)
+    assert len(many) == MOST_DRAWN
+    assert torch.bincount(many, minlength=MOST_DRAWN).max() <= 3
 
 
 def test_threads_and_the_global_generator_come_back_even_after_an_error() -> None:
