@@ -131,8 +131,10 @@ class PlannerNode(LoopingNode):
     def _tick(self, periods: int) -> None:
         # The commanded pose moves on by one period, however many were missed: late is better than a jump.
         inputs = None if self._newest is None else self._newest[0]
+        self.outputs.begin_cycle()
         try:
             inputs = self.inputs.snapshot()
+            self.outputs.begin_cycle(inputs.now)
             output = self.cycle.run(inputs, self._period)
         except Exception as error:  # a fault in the planner must stop the arm, not the node
             self._log(error)

@@ -16,6 +16,7 @@ from geometry_msgs.msg import PoseStamped
 from nav_msgs.msg import Path
 from rclpy.node import Node
 from rclpy.qos import QoSProfile
+from rclpy.time import Time
 from sensor_msgs.msg import Image, JointState
 from trajectory_msgs.msg import JointTrajectory
 from visualization_msgs.msg import Marker, MarkerArray
@@ -72,7 +73,11 @@ _TOOL_COLOUR, _HELD_COLOUR = (0.25, 0.55, 0.85, 0.45), (0.30, 0.70, 0.40, 0.85)
 
 
 class PlannerOutputs:
-    """The publishers of the planner. Stamps are taken when a message leaves."""
+    """The publishers of the planner.
+
+    Commands and verdicts are stamped with the time that their cycle began with: a simulated clock may go on while a
+    cycle lasts. All else is stamped when it leaves.
+    """
 
     def __init__(
         self,
@@ -106,6 +111,14 @@ class PlannerOutputs:
         self._target_message.header.frame_id = frame
         self._facing = np.zeros(4)
         self._received_by: tuple[str, ...] = ()
+        self._cycle = self._now()
+
+    def begin_cycle(self, now: float | None = None) -> None:
+        """Stamp commands and verdicts from now on with a time as of `Moment.now` [s].
+
+        None: with that of the clock, until it is known what the cycle goes by.
+        """
+        self._cycle = self._now() if now is None else Time(nanoseconds=self._time.ros_time(now)).to_msg()
 
     @property
     def command_topic(self) -> str:
@@ -114,8 +127,7 @@ class PlannerOutputs:
 
     def target(self, position: np.ndarray, quaternion: np.ndarray, posture: np.ndarray | None = None) -> None:
         """The pose to be at now, and the configuration (eta,) [rad] that holds it; only the control loop calls this."""
-        stamp = self._now()
-        self._target_message.header.stamp = stamp
+        stamp = self._target_message.header.stamp = self._cycle
         # Both signs are one orientation, between which a controller may turn along the longer arc.
         self._facing = -quaternion if quaternion @ self._facing < 0.0 else quaternion
         fill_pose(self._target_message.pose, position, self._facing)
@@ -193,7 +205,7 @@ class PlannerOutputs:
             "deadline_misses": loop.misses,
             "commands_received_by": " ".join(self._received_by),
         }
-        self._publish_status(self._status, level, "verdict", message, values)
+        self._publish_status(self._status, level, "verdict", message, values, self._cycle)
 
     def diagnostics(
         self,
@@ -232,7 +244,7 @@ class PlannerOutputs:
         if slow:
             why = advice(obstacles, load, rate, loop.tick_p50)
             message = f"DEGRADED: {loop.rate:.1f} of {rate:g} Hz: {why}"
-        self._publish_status(self._diagnostics, level, "loop", message, values)
+        self._publish_status(self._diagnostics, level, "loop", message, values, self._now())
 
     @property
     def path_is_watched(self) -> bool:
@@ -296,11 +308,11 @@ class PlannerOutputs:
         self._view.publish(image_message(pixels, self._now()))
 
     def _publish_status(
-        self, publisher: object, level: bytes, part: str, message: str, values: dict[str, object]
+        self, publisher: object, level: bytes, part: str, message: str, values: dict[str, object], stamp: object
     ) -> None:
         name = f"{self._node.get_fully_qualified_name().lstrip('/')}: {part}"
         status = diagnostic_status(level, name, message, self._hardware, values)
-        publisher.publish(diagnostic_array([status], self._now()))
+        publisher.publish(diagnostic_array([status], stamp))
 
     def _now(self) -> object:
         return self._node.get_clock().now().to_msg()
