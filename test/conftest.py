@@ -7,6 +7,7 @@ ask for, and stores it.
 
 from __future__ import annotations
 
+import fcntl
 import os
 import shutil
 import signal
@@ -46,16 +47,18 @@ os.environ["ROS_DOMAIN_ID"] = str(
 )
 
 
-#: Folders of tests that wait for arms to move in real time: one worker runs them all, while another computes.
-REALTIME = ("test/integration/", "test/demo/", "test/studies/rates/", "test/studies/faults/")
+#: Folders of tests that wait for nodes: one worker runs them all, while another computes.
+WAITING = ("test/integration/", "test/demo/", "test/studies/rates/", "test/studies/faults/")
 #: Begun with after those: the longest file.
 FIRST = "test/studies/benchmarks/test_run.py"
+#: Files that are locked, for want of others that all workers have: see `pytest_runtest_protocol`.
+DOOR, ROOM = Path(__file__), REPOSITORY / "pyproject.toml"
 
 
 def pytest_sessionstart() -> None:
     """Compile what is missing for the settings of this run: `make` does it for those of the first one.
 
-    The first worker begins with REALTIME; where cores are short the others, which compute, leave them to it.
+    The first worker begins with WAITING; where cores are short the others, which compute, leave them to it.
     """
     if WORKER not in (None, "gw0"):
         os.nice(5)
@@ -63,18 +66,35 @@ def pytest_sessionstart() -> None:
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Put REALTIME first, which lasts longest together, then FIRST, before the rest."""
-    items.sort(key=lambda item: (not item.nodeid.startswith(REALTIME), not item.nodeid.startswith(FIRST)))
+    """Put WAITING first, which lasts longest together, and at its end what is of time itself; then FIRST."""
+    items.sort(
+        key=lambda item: (not item.nodeid.startswith(WAITING), not item.nodeid.startswith(FIRST), _is_of_time(item))
+    )
+
+
+def _is_of_time(item: pytest.Item) -> bool:
+    return item.get_closest_marker("realtime") is not None
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_protocol(item: pytest.Item) -> Iterator[object]:
+    """Run a test that is of time itself alone: those of other workers wait at the door while it waits, and runs."""
+    with DOOR.open() as door, ROOM.open() as room:
+        fcntl.flock(door, fcntl.LOCK_EX)
+        fcntl.flock(room, fcntl.LOCK_EX if _is_of_time(item) else fcntl.LOCK_SH)
+        if not _is_of_time(item):
+            fcntl.flock(door, fcntl.LOCK_UN)
+        return (yield)
 
 
 @pytest.hookimpl(optionalhook=True)
 def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Any:
-    """Hand every worker a file at a time, for what the tests of a file share is made once, or REALTIME as a whole."""
+    """Hand every worker a file at a time, for what the tests of a file share is made once, or WAITING as a whole."""
     from xdist.scheduler import LoadFileScheduling
 
     class Files(LoadFileScheduling):
         def _split_scope(self, nodeid: str) -> str:
-            return "realtime" if nodeid.startswith(REALTIME) else super()._split_scope(nodeid)
+            return "waiting" if nodeid.startswith(WAITING) else super()._split_scope(nodeid)
 
     return Files(config, log)
 

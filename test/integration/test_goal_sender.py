@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 import rclpy
 import yaml
+from bench import PATIENCE
 from geometry_msgs.msg import Point, Pose, PoseStamped, Quaternion
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Header
@@ -65,6 +66,10 @@ def clock(monkeypatch) -> list[float]:
     return ahead
 
 
+def send(bench, goal, *arguments, **options) -> float:
+    return bench.during(lambda: send_goal(goal, *arguments, **options))
+
+
 @pytest.mark.parametrize("shipped", [None, "ur5_reach"], ids=["seven joints", "six joints"])
 def test_the_tour_planner_and_twin_as_they_start_and_the_goal_of_the_skill(bench, options, skill, shipped):
     bench.watch_planner()
@@ -74,7 +79,7 @@ def test_the_tour_planner_and_twin_as_they_start_and_the_goal_of_the_skill(bench
     bench.add(TwinNode, skill=options["skill"])
     bench.add(PlannerNode, **options)
     lines = []
-    took = send_goal(PoseGoal(skill.goal_pose, skill.base_frame), said=lines.append)
+    took = send(bench, PoseGoal(skill.goal_pose, skill.base_frame), said=lines.append)
     assert took > 1.0
     bench.wait(lambda: float(bench.status()["time_to_goal"]) == float(bench.status()["speed"]) == 0.0, "the arrival")
     assert lines[0].startswith("ros2 topic pub --once /goal_pose geometry_msgs/msg/PoseStamped")
@@ -93,7 +98,7 @@ def test_a_configuration_is_a_goal_too(bench, options, start_joints, skill):
     names = planner.kind.robot.joint_names
     turned = JointGoal(names[::-1], start_joints[::-1])  # messages have them in any order
     lines = []
-    assert send_goal(turned, said=lines.append) >= 0.0
+    assert send(bench, turned, said=lines.append) >= 0.0
     assert lines[0].startswith("ros2 topic pub --once /goal_joints sensor_msgs/msg/JointState")
     assert int(bench.status()["goal_number"]) == 1
 
@@ -104,11 +109,11 @@ def test_a_refused_goal_is_reported_also_where_the_arm_stands_at_an_earlier_one(
     bench.add(TwinNode, namespace="left", skill=str(skill_folder))
     bench.add(PlannerNode, namespace="left", **options)
     left, lines = ("-r", "__ns:=/left"), []
-    send_goal(goal, left, said=lines.append)
+    send(bench, goal, left, said=lines.append)
     assert "--once /left/goal_pose" in lines[0]
     far = PoseGoal(skill.goal_pose + np.array([0.4, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0]), skill.base_frame)
     with pytest.raises(GoalRefusedError, match="the planner refuses the goal: GOAL_OUT_OF_SUPPORT: "):
-        send_goal(far, left)
+        send(bench, far, left)
 
 
 def test_the_answer_to_a_goal_is_waited_for_while_it_is_prepared(bench, options, goal, skill_folder, monkeypatch):
@@ -126,7 +131,7 @@ def test_the_answer_to_a_goal_is_waited_for_while_it_is_prepared(bench, options,
         return prepare(*arguments)
 
     monkeypatch.setattr(planner, "prepared_goal", slowly)
-    send_goal(goal)
+    send(bench, goal)
     assert said == [f"NO_GOAL: {PREPARING}"]
 
 
@@ -143,7 +148,7 @@ def test_a_planner_that_starts_is_waited_for_as_long_as_it_is_there(bench, optio
                 bench.add(PlannerNode, **options)
 
     lines: list[str] = []
-    assert send_goal(goal, patience=60.0, said=said) > 0.0
+    assert send(bench, goal, patience=60.0, said=said) > 0.0
     assert "the planner starts: waiting for it; Ctrl-C leaves" in lines
     starting.destroy_node()
 
@@ -154,7 +159,7 @@ def test_where_no_planner_is_there_it_gives_up_and_says_so(bench, goal, clock):
             clock[0] += 61.0
 
     with pytest.raises(NoPlannerError, match=r"nobody listens to /goal_pose: start the planner first .waited 60 s"):
-        send_goal(goal, patience=60.0, said=said)
+        send(bench, goal, patience=60.0, said=said)
 
 
 def test_an_arm_that_stands_is_not_waited_for_for_ever_and_the_reason_is_said(bench, options, goal, clock):
@@ -170,7 +175,7 @@ def test_an_arm_that_stands_is_not_waited_for_for_ever_and_the_reason_is_said(be
             clock[0] += 61.0
 
     with pytest.raises(GoalNotReachedError, match=r"the arm has stood for 60 s: .*; the planner keeps the goal"):
-        send_goal(goal, patience=60.0, said=said)
+        send(bench, goal, patience=60.0, said=said)
     assert lines[-1].startswith(("waiting: NO_FEASIBLE_PATH: ", "waiting: DEADLINE_MISSED: "))
     assert bench.status()["goal_code"] == "OK"
 
@@ -185,7 +190,7 @@ def test_a_goal_that_another_one_replaces_is_not_said_to_be_reached(bench, optio
             bench.send_goal(skill.start_pose)
 
     with pytest.raises(GoalNotReachedError, match="another goal has been sent to the planner"):
-        send_goal(goal, said=said)
+        send(bench, goal, said=said)
 
 
 def test_a_goal_that_is_dropped_is_not_waited_for(bench, options, goal):
@@ -199,7 +204,7 @@ def test_a_goal_that_is_dropped_is_not_waited_for(bench, options, goal):
             bench.probe.create_publisher(JointTrajectory, "joint_trajectory", 1)
 
     with pytest.raises(GoalNotReachedError, match=r"NO_GOAL: goal dropped: joint_trajectory had more than one publish"):
-        send_goal(goal, said=said)
+        send(bench, goal, said=said)
 
 
 def test_ctrl_c_leaves_at_once():
@@ -209,7 +214,7 @@ def test_ctrl_c_leaves_at_once():
         assert process.stdout.readline().startswith("ros2 topic pub --once /goal_pose ")
         assert process.stdout.readline() == "waiting for a planner that listens to /goal_pose; Ctrl-C leaves\n"
         process.send_signal(signal.SIGINT)
-        out, err = process.communicate(timeout=60.0)
+        out, err = process.communicate(timeout=PATIENCE)
     finally:
         process.kill()
     assert (process.returncode, out, err) == (130, "", "geodesic-motion: interrupted\n")

@@ -145,13 +145,14 @@ class TestBadInput:
         )
         moving.wait(lambda: moving.logged("newest goal refused: GOAL_OUT_OF_SUPPORT: "), "a line of the log")
         moving.wait(moving.at_goal, "rest at the old goal")
-        point = moving.heard["target_pose"][-1].pose.position
+        point = moving.commanded().pose.position
         np.testing.assert_allclose([point.x, point.y, point.z], skill.goal_pose[:3], atol=1e-3)
 
     def test_a_bad_marker_does_not_hide_the_good_one_beside_it(self, moving, wall):
         moving.publisher(MarkerArray, "obstacles").publish(
             MarkerArray(markers=[*bad_marker(radius=-1.0).markers, wall_marker(*wall)])
         )
+        moving.poll(lambda: len(moving.planner.inputs.snapshot().obstacles), "the obstacle at the planner")
         moving.wait_for_code("NO_FEASIBLE_PATH")
 
     def test_joints_in_another_order_with_fingers_are_the_same_joints(self, bench, planner_options, start_joints):

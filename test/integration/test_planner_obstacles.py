@@ -34,9 +34,15 @@ def spheres_at(x: float) -> MarkerArray:
     return MarkerArray(markers=[sphere(np.array([x, 2.0, 2.0]))])
 
 
+def wait_until_known(bench) -> None:
+    """Wait until the planner knows of an obstacle, while the arm stands in the nodes' time."""
+    bench.poll(lambda: len(bench.planner.inputs.snapshot().obstacles), "the obstacle at the planner")
+
+
 class TestObstacles:
     def test_all_paths_blocked_then_freed(self, moving, wall):
         moving.send_spheres(wall)
+        wait_until_known(moving)
         moving.wait_for_code("NO_FEASIBLE_PATH")
         moving.delete_spheres()
         moving.wait_for_code("OK")
@@ -168,8 +174,13 @@ class TestObstacles:
     def test_obstacles_of_a_best_effort_publisher_count(self, moving, wall):
         profile = QoSProfile(depth=5, reliability=ReliabilityPolicy.BEST_EFFORT)
         publisher = moving.probe.create_publisher(Marker, "obstacle_marker", profile)
-        # Best effort: what is published before the planner is connected is lost.
-        moving.repeat(0.05, lambda: publisher.publish(sphere(wall[0])))
+
+        def known() -> bool:
+            # Best effort: what is published before the planner is connected is lost.
+            publisher.publish(sphere(wall[0]))
+            return len(moving.planner.inputs.snapshot().obstacles) > 0
+
+        moving.poll(known, "the obstacle at the planner")
         moving.wait_for_code("NO_FEASIBLE_PATH")
 
     def test_every_kind_of_obstacle_counts(self, moving, wall, make_cloud):
@@ -194,6 +205,7 @@ class TestObstacles:
             (PointCloud2, "obstacle_cloud", cloud),
         ):
             moving.publisher(kind, topic).publish(message)
+            wait_until_known(moving)
             moving.wait_for_code("NO_FEASIBLE_PATH")
             moving.call(Trigger, "planner/clear_obstacles", Trigger.Request())
             moving.wait_for_code("OK")
@@ -204,6 +216,7 @@ class TestObstacles:
         marker = sphere(wall[0])
         marker.lifetime.nanosec = 300_000_000
         moving.publisher(Marker, "obstacle_marker").publish(marker)
+        wait_until_known(moving)
         moving.wait_for_code("NO_FEASIBLE_PATH")
         moving.wait_for_code("OK")
 

@@ -11,6 +11,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from bench import PATIENCE
 from builtin_interfaces.msg import Time
 from geometry_msgs.msg import PoseStamped
 from sensor_msgs.msg import JointState
@@ -53,6 +54,8 @@ def drive(bench, path: np.ndarray, names: tuple[str, ...] = NAMES, stamp=None):
         publisher.publish(joint_state_message(names, row, np.zeros(len(row)), now))
         timer.sent += 1
 
+    if bench.clock is not None:
+        bench.clock.length = 0.01
     timer = bench.repeat(0.01, send)
     timer.sent = 0
     return timer
@@ -68,15 +71,16 @@ def swing(samples: int = 200) -> np.ndarray:
 def record_all(bench, path: np.ndarray, **how) -> Trigger.Response:
     """A take that is begun before a path and ended after it."""
     rest = drive(bench, path[:1], **how)
-    bench.poll(lambda: ask(bench, "begin").success, "a take to begin")
+    bench.wait(lambda: ask(bench, "begin").success, "a take to begin")
     bench.probe.destroy_timer(rest)
     timer = drive(bench, path, **how)
-    bench.poll(lambda: timer.sent > len(path) + 10, "the end of the path")
+    bench.wait(lambda: timer.sent > len(path) + 10, "the end of the path")
     answer = ask(bench, "end")
     bench.probe.destroy_timer(timer)
     return answer
 
 
+@pytest.mark.realtime
 def test_takes_of_a_guided_arm_are_recorded_read_and_learned(
     bench, skill, skill_folder, tmp_path, capsys, monkeypatch
 ):
@@ -113,12 +117,12 @@ def test_without_joint_states_nothing_begins(recorder):
     assert not ask(recorder, "end").success
     # the control: with a driver it begins
     drive(recorder, swing()[:1])
-    recorder.poll(lambda: ask(recorder, "begin").success, "a take to begin")
+    recorder.wait(lambda: ask(recorder, "begin").success, "a take to begin")
 
 
 def test_joint_states_of_another_arm_are_named(recorder):
     drive(recorder, swing()[:1], names=(*NAMES[:6], "elbow"))
-    recorder.poll(lambda: "no message has panda_joint7" in ask(recorder, "begin").message, "the refusal")
+    recorder.wait(lambda: "no message has panda_joint7" in ask(recorder, "begin").message, "the refusal")
 
 
 def test_stamps_that_stand_still_are_named(recorder):
@@ -130,7 +134,7 @@ def test_stamps_that_stand_still_are_named(recorder):
             ask(recorder, "end")
         return "stand still at" in answer.message
 
-    recorder.poll(refused, "the refusal")
+    recorder.wait(refused, "the refusal")
 
 
 def test_a_good_take_is_kept_and_can_be_deleted_and_one_that_jumps_is_refused(recorder):
@@ -154,8 +158,8 @@ def test_a_good_take_is_kept_and_can_be_deleted_and_one_that_jumps_is_refused(re
 
 def test_joint_states_that_end_in_a_take_refuse_it(recorder):
     timer = drive(recorder, swing())
-    recorder.poll(lambda: ask(recorder, "begin").success, "a take to begin")
-    recorder.poll(lambda: timer.sent > 50, "half a path")
+    recorder.wait(lambda: ask(recorder, "begin").success, "a take to begin")
+    recorder.wait(lambda: timer.sent > 50, "half a path")
     recorder.probe.destroy_timer(timer)
     recorder.wait(lambda: recorder.logged("samples; no joint states for"), "the warning of the silence")
     answer = ask(recorder, "end")
@@ -164,13 +168,14 @@ def test_joint_states_that_end_in_a_take_refuse_it(recorder):
     assert not recorder.folder.exists()
 
 
+@pytest.mark.realtime
 def test_a_take_that_is_not_ended_is_dropped_and_said(bench, tmp_path):
     folder = tmp_path / "takes"
     process = bench.launch("record_node", folder=str(folder))
     drive(bench, swing())
     bench.poll(lambda: ask(bench, "begin").success, "a take to begin")
     process.send_signal(signal.SIGINT)
-    _, errors = process.communicate(timeout=60.0)
+    _, errors = process.communicate(timeout=PATIENCE)
     assert process.returncode == 0, errors
     assert "take_001 had not ended" in errors
     assert "nothing of it was written; 0 takes stand in" in errors
@@ -178,6 +183,7 @@ def test_a_take_that_is_not_ended_is_dropped_and_said(bench, tmp_path):
     assert not folder.exists()
 
 
+@pytest.mark.realtime
 def test_keys_of_a_terminal_begin_end_delete_and_quit(bench, tmp_path):
     folder = tmp_path / "takes"
     keyboard, terminal = pty.openpty()
@@ -198,7 +204,7 @@ def test_keys_of_a_terminal_begin_end_delete_and_quit(bench, tmp_path):
         os.write(keyboard, b"d")
         bench.wait(lambda: bench.logged("deleted"), "its end")
         os.write(keyboard, b"q")
-        _, errors = process.communicate(timeout=60.0)
+        _, errors = process.communicate(timeout=PATIENCE)
         assert process.returncode == 0, errors
         assert list(folder.iterdir()) == []
     finally:
@@ -214,6 +220,7 @@ def test_a_hand_is_refused_where_no_twin_runs(skill, monkeypatch):
         hand_guide.guide(skill, 1)
 
 
+@pytest.mark.realtime
 def test_a_hand_is_refused_where_nothing_records_and_leaves_the_arm_to_its_motors(bench, skill, skill_folder):
     bench.add(TwinNode, skill=str(skill_folder))
     bench.listen_to_log()

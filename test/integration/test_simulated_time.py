@@ -15,6 +15,9 @@ from geodesic_motion_ros.nodes.twin_node import TwinNode
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.skill.skill import Skill
 
+# The clock here is one of a simulator of its own, that goes on as fast as it wants to.
+pytestmark = pytest.mark.realtime
+
 ROBOT = Robot.named("panda")
 BEGIN = 1000.0
 #: The clock is published so often [s].
