@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 from pathlib import Path
-from types import SimpleNamespace
 from xml.etree import ElementTree
 
 import numpy as np
@@ -23,7 +21,6 @@ from geodesic_motion_ros.nodes.messages import seconds
 from geodesic_motion_ros.nodes.publishers import LATCHED
 from geodesic_motion_ros.nodes.twin_node import TwinNode
 from geodesic_motion_ros.robot.kinematics import Robot
-from geodesic_motion_ros.skill.skill import Skill
 from geodesic_motion_ros.utils.errors import ParameterError, SkillError
 
 ON_THE_HAND = "{ball: {kind: static, centre: [0.45, -0.28, 0.36], radius: 0.05}}"
@@ -164,14 +161,11 @@ def test_starts_where_its_skill_does(bench, skill_folder, start_joints):
     np.testing.assert_allclose(state.position, start_joints, atol=0.01)
 
 
-def test_starts_at_the_mean_configuration_of_a_joint_space_skill(bench, skill, monkeypatch):
-    poles = Robot.named("panda").ready + np.array([[0.2], [-0.2]])
-    joint_skill = replace(skill, space="joint", canonical=SimpleNamespace(start_poles=poles))
-    monkeypatch.setattr(Skill, "load", lambda name: joint_skill)
-    bench.add(TwinNode, skill="of the whole arm")
+def test_starts_at_the_mean_configuration_of_a_joint_space_skill(bench, reach_skill, tmp_path):
+    bench.add(TwinNode, skill=str(reach_skill.save(tmp_path / "reach")))
     bench.listen(JointState, "joint_states")
     state = bench.wait(lambda: bench.heard["joint_states"], "the state of the arm")[0]
-    np.testing.assert_allclose(state.position, poles[0], atol=0.01)
+    np.testing.assert_allclose(state.position, reach_skill.mean_configuration("start"), atol=0.01)
 
 
 def test_starts_at_the_ready_pose_without_a_skill(bench):
