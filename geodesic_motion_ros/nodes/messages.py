@@ -25,9 +25,9 @@ from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from geodesic_motion_ros.geometry.quaternions import normalise
 from geodesic_motion_ros.geometry.task_frame import TaskFrame
-from geodesic_motion_ros.obstacles.obstacles import LARGEST_NUMBER
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.simulation.trajectory_player import JointWaypoints
+from geodesic_motion_ros.utils.checked_numbers import LARGEST_NUMBER
 from geodesic_motion_ros.utils.errors import GeodesicMotionError, RobotError
 
 # Points of a cloud beyond which it is refused.

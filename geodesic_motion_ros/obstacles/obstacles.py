@@ -10,11 +10,9 @@ import numpy as np
 
 from geodesic_motion_ros.geometry.distance_field import DistanceField, field_distances
 from geodesic_motion_ros.geometry.shapes import NUMBERS, no_solids, solid_distances, solid_rows, solids_moved
-from geodesic_motion_ros.utils.checked_numbers import check_time
+from geodesic_motion_ros.utils.checked_numbers import LARGEST_NUMBER, check_time
 from geodesic_motion_ros.utils.errors import PlanningError
 
-#: Nothing that an arm has to do with is farther away or larger [m], has turned further [rad], or is faster [m/s].
-LARGEST_NUMBER = 1000.0
 #: How far a rotation of a solid may be from one.
 _ROTATION_TOLERANCE = 1e-6
 #: What each array has of one obstacle.

@@ -34,11 +34,12 @@ import numpy as np
 from geodesic_motion_ros.geometry.quaternions import inverse, normalise, rotate, to_rotation
 from geodesic_motion_ros.geometry.shapes import no_solids, solid_distances, solid_rows
 from geodesic_motion_ros.manifold.joint_decoder import JointSpaceDecoder
-from geodesic_motion_ros.obstacles.obstacles import LARGEST_NUMBER, Obstacles
+from geodesic_motion_ros.obstacles.obstacles import Obstacles
 from geodesic_motion_ros.robot.collision_model import CollisionModel
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.skill.skill import Skill
 from geodesic_motion_ros.utils.checked_files import brief, opened, read_yaml
+from geodesic_motion_ros.utils.checked_numbers import LARGEST_NUMBER
 from geodesic_motion_ros.utils.errors import FileError, GeodesicMotionError, SkillError
 from geodesic_motion_ros.utils.shared_files import find_shared
 

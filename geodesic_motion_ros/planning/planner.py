@@ -23,7 +23,7 @@ import numpy as np
 from geodesic_motion_ros.geometry.task_frame import TaskFrame
 from geodesic_motion_ros.manifold.configuration_graph import ConfigurationGraph
 from geodesic_motion_ros.manifold.pose_graph import PoseGraph
-from geodesic_motion_ros.obstacles.obstacles import LARGEST_NUMBER, Obstacles
+from geodesic_motion_ros.obstacles.obstacles import Obstacles
 from geodesic_motion_ros.planning import settings as constants
 from geodesic_motion_ros.planning.attempt_memory import AttemptMemory, DetourSearch
 from geodesic_motion_ros.planning.certificate import JudgedTrajectory
@@ -51,7 +51,7 @@ from geodesic_motion_ros.robot.limits import JointLimits
 from geodesic_motion_ros.skill.skill import Skill
 from geodesic_motion_ros.trajectory.timing import load_references
 from geodesic_motion_ros.trajectory.trajectory import JointReference
-from geodesic_motion_ros.utils.checked_numbers import check_number, check_time, real_array
+from geodesic_motion_ros.utils.checked_numbers import LARGEST_NUMBER, check_number, check_time, real_array
 from geodesic_motion_ros.utils.deadline import NEVER, Deadline
 from geodesic_motion_ros.utils.errors import PlanningError, RobotError
 

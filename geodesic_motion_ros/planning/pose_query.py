@@ -21,7 +21,6 @@ from geodesic_motion_ros.geometry.se3 import carried
 from geodesic_motion_ros.manifold.node_body import NodeBody
 from geodesic_motion_ros.manifold.pose_graph import PoseGraph
 from geodesic_motion_ros.manifold.transport import Offsets, corrections_at
-from geodesic_motion_ros.obstacles.obstacles import LARGEST_NUMBER
 from geodesic_motion_ros.planning.search import demonstrated_cost
 from geodesic_motion_ros.planning.settings import SAME_TASK_POSE, PlannerSettings
 from geodesic_motion_ros.planning.status import Verdict, VerdictCode
@@ -33,7 +32,7 @@ from geodesic_motion_ros.planning.transported_query import (
 )
 from geodesic_motion_ros.skill.sheet import POSE_SCALE, beyond_demonstrated
 from geodesic_motion_ros.skill.skill import ENDPOINT_MULTIPLE, Skill
-from geodesic_motion_ros.utils.checked_numbers import real_array
+from geodesic_motion_ros.utils.checked_numbers import LARGEST_NUMBER, real_array
 from geodesic_motion_ros.utils.errors import PlanningError
 
 

@@ -15,9 +15,8 @@ from typing import ClassVar, Literal, NamedTuple, get_args
 import numpy as np
 
 from geodesic_motion_ros.manifold.ambient_law import LAWS, AmbientLaw
-from geodesic_motion_ros.obstacles.obstacles import LARGEST_NUMBER
 from geodesic_motion_ros.trajectory.tool_limits import ToolLimits
-from geodesic_motion_ros.utils.checked_numbers import check_number, real_array
+from geodesic_motion_ros.utils.checked_numbers import LARGEST_NUMBER, check_number, real_array
 from geodesic_motion_ros.utils.errors import PlanningError
 
 # ------------------------------------------------------------------ clearance of moving obstacles

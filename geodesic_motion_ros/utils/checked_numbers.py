@@ -11,6 +11,8 @@ import numpy as np
 
 from geodesic_motion_ros.utils.errors import GeodesicMotionError, PlanningError, SkillError
 
+LARGEST_NUMBER = 1000.0
+"""Nothing that an arm has to do with is farther away or larger [m], has turned further [rad], or is faster [m/s]."""
 LARGEST_TIME = 4e9
 """No clock in seconds shows more, before 2096: a larger time [s] is one in milliseconds or nanoseconds."""
 

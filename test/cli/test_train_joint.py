@@ -106,7 +106,7 @@ def test_evaluate_prints_the_table_of_joints(joint_recording, trained, tmp_path,
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [
-        (["train", "--units", "m", "--out", "{tmp}/s"], "--units is for recordings of the tool"),
+        (["train", "--units", "m", "--out", "{tmp}/s"], "reach.npz has joints, in rad or deg"),
         (["train", "--orientation-model", "sign_blind", "--out", "{tmp}/s"], "--orientation-model is for recordings"),
         (["train", "--space", "task", "--volume-weight", "1", "--out", "{tmp}/s"], "--volume-weight is for recordings"),
         (["train", "--space", "task", "--out", "{tmp}/s"], "say the units of the positions"),

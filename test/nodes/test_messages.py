@@ -135,11 +135,11 @@ class TestJointTrajectory:
         rows = [PANDA.sample(20, generator), *generator.normal(size=(2, 20, 7))]
         rows[1][-1] = 0.0
         names = [PANDA.joint_names[joint] for joint in order]
-        begin = 1.7e9 + 0.123456
+        begin = 1_700_000_000_123_456_789
         wire = joint_trajectory_bytes(names, times, *(values[:, order] for values in rows), begin)
         received = deserialize_message(wire, JointTrajectory)
         waypoints = m.read_joint_trajectory(received, PANDA)
-        assert m.seconds(received.header.stamp) == pytest.approx(begin, abs=1e-6)
+        assert (received.header.stamp.sec, received.header.stamp.nanosec) == divmod(begin, 10**9)
         np.testing.assert_allclose(waypoints.times, times, atol=1e-9)
         for values, written in zip(
             (waypoints.positions, waypoints.velocities, waypoints.accelerations), rows, strict=True

@@ -266,14 +266,14 @@ def test_a_bad_solid_is_refused_and_the_old_obstacles_stay(planner):
     ("settings", "words"),
     [
         ({"tool_radii": (0.1, 0.1)}, "one radius per point"),
-        ({"tool_radii": (-0.1,)}, "negative"),
-        ({"tool_radii": (np.nan,)}, "finite"),
+        ({"tool_radii": (-0.1,)}, "tool radius .m. is -0.1: it must lie between 0 and 1000"),
+        ({"tool_radii": (np.nan,)}, "tool radius .m. is nan: it must lie between 0 and 1000"),
         ({"latency": 0.0}, "latency"),
         ({"speed": -1}, "speed"),
         ({"obstacle_margin": -1}, "finite and 0 or positive"),
         ({"ambient_strength": np.nan}, "ambient_strength"),
         ({"ambient_law": "soft"}, "one of gaussian, completed, hard"),
-        ({"tool_points": ((0.0, 0.0),)}, "triples"),
+        ({"tool_points": ((0.0, 0.0),)}, r"tool_points has shape \(1, 2\): expected \(K, 3\)"),
     ],
 )
 def test_impossible_settings_are_named(settings, words):
