@@ -151,7 +151,7 @@ def _message_of() -> Callable[[tuple[str, ...], JointReference], object] | None:
 
     def message(names: tuple[str, ...], reference: JointReference) -> object:
         return joint_trajectory_bytes(
-            names, reference.times, reference.positions, reference.velocities, reference.accelerations, 0.0
+            names, reference.times, reference.positions, reference.velocities, reference.accelerations, 0
         )
 
     return message
