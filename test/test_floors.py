@@ -46,9 +46,9 @@ NAMES_A_STUDY = {"nodes/skill_kinds.py"}
 ROOT = {"__init__.py", "__main__.py"}
 
 
-def imports(file: Path, package: Path) -> Iterator[str]:
+def imports(nodes: list[ast.AST], file: Path, package: Path) -> Iterator[str]:
     """Absolute names that a file imports anywhere in it."""
-    for node in ast.walk(ast.parse(file.read_text(), str(file))):
+    for node in nodes:
         if isinstance(node, ast.Import):
             yield from (alias.name for alias in node.names)
         elif isinstance(node, ast.ImportFrom):
@@ -59,13 +59,11 @@ def imports(file: Path, package: Path) -> Iterator[str]:
             yield from (f"{module}.{alias.name}" for alias in node.names)
 
 
-def strings(file: Path) -> Iterator[str]:
+def strings(nodes: list[ast.AST]) -> Iterator[str]:
     """The strings of a file, those of f-strings too, without docstrings."""
-    tree = ast.parse(file.read_text(), str(file))
     documented = (ast.Module, ast.ClassDef, ast.FunctionDef, ast.AsyncFunctionDef)
-    nodes = [node for node in ast.walk(tree) if isinstance(node, documented) and ast.get_docstring(node)]
-    described = {id(node.body[0].value) for node in nodes}
-    for node in ast.walk(tree):
+    described = {id(node.body[0].value) for node in nodes if isinstance(node, documented) and ast.get_docstring(node)}
+    for node in nodes:
         if isinstance(node, ast.Constant) and isinstance(node.value, str) and id(node) not in described:
             yield node.value
 
@@ -82,7 +80,8 @@ def violations(package: Path) -> list[str]:
         folder = place.parts[0]
         if folder not in FLOOR:
             continue
-        for name in imports(file, package):
+        nodes = list(ast.walk(ast.parse(file.read_text(), str(file))))
+        for name in imports(nodes, file, package):
             for library, folders in LIBRARIES.items():
                 if library.match(name) and folder not in folders:
                     found.append(f"{place} imports {name}")
@@ -90,7 +89,7 @@ def violations(package: Path) -> list[str]:
             if name.startswith(f"{PACKAGE}.") and other != folder and FLOOR.get(other, -1) >= FLOOR[folder]:
                 found.append(f"{place} imports {name}")
         if folder != "studies" and place.as_posix() not in NAMES_A_STUDY:
-            found += [f"{place} names {text}" for text in strings(file) if f"{PACKAGE}.studies" in text]
+            found += [f"{place} names {text}" for text in strings(nodes) if f"{PACKAGE}.studies" in text]
     return found
 
 

@@ -95,13 +95,14 @@ class ReactivePlanner:
         self.robot = robot or Robot.named(skill.robot)
         if skill.space == "task":
             check_takes_poses(self.robot)
-        guarded = collision or CollisionModel.named(skill.robot)
+        of_arm = CollisionModel.named(skill.robot)
+        guarded = collision or of_arm
         if settings.avoid == "tool":
             guarded = guarded.guarding_tool(self.robot, settings.tool_points, settings.tool_radii)
         self.graph: ConfigurationGraph | PoseGraph = skill.graph(settings.grid_shape, settings.neighbours)
         limits = JointLimits.of(self.robot, settings.speed_scale, settings.acceleration_scale)
         self.may_detour, self.scene = scene is not None, scene or DeclaredScene.empty()
-        check_demonstrations(self.scene, skill, self.robot, CollisionModel.named(skill.robot))
+        check_demonstrations(self.scene, skill, self.robot, of_arm)
         solver = Solver(skill, self.graph, settings, self.robot, guarded, limits, self.scene)
         self._arm, self._stream = GuardedArm.of(solver), Stream(solver.certifier)
         self._worker = detours or DetourWorker(DETOUR_DELAY)

@@ -19,6 +19,7 @@ from geodesic_motion_ros.robot.body_points import BodyPoints, link_points, place
 from geodesic_motion_ros.robot.description import RobotDescription
 from geodesic_motion_ros.robot.held_objects import HeldObject
 from geodesic_motion_ros.robot.kinematics import VECTOR, Robot, contiguous
+from geodesic_motion_ros.utils.checked_files import load_yaml
 from geodesic_motion_ros.utils.errors import RobotError
 
 POSITIONS = numba.types.Array(numba.float64, 3, "C", readonly=True)
@@ -64,7 +65,7 @@ class CollisionModel:
         """
         file = Path(path).name
         try:
-            table = yaml.safe_load(Path(path).read_text())
+            table = load_yaml(Path(path).read_text())
         except (OSError, yaml.YAMLError) as error:
             raise RobotError(f"cannot read the sphere file {path}: {error}") from error
         if not isinstance(table, dict) or not isinstance(table.get("spheres"), dict) or not table["spheres"]:

@@ -11,6 +11,7 @@ import numpy as np
 import yaml
 from scipy.spatial.transform import Rotation
 
+from geodesic_motion_ros.utils.checked_files import load_yaml
 from geodesic_motion_ros.utils.errors import RobotError
 
 MOVING = ("revolute", "continuous", "prismatic")
@@ -117,7 +118,7 @@ def read_velocity_limits(path: str | Path, joint_names: tuple[str, ...], otherwi
 def _joint_limits(path: str | Path) -> Mapping:
     """The mapping of a joint_limits.yaml, by joint."""
     try:
-        table = yaml.safe_load(Path(path).read_text())["joint_limits"]
+        table = load_yaml(Path(path).read_text())["joint_limits"]
     except (OSError, yaml.YAMLError, TypeError, KeyError) as error:
         raise RobotError(f"{path} must be a YAML file with a mapping `joint_limits`: {error}") from error
     if not isinstance(table, Mapping):

@@ -45,20 +45,19 @@ def test_from_both_ends_the_cost_is_the_same(Scene, seed, shape, neighbours):
 
 @pytest.mark.parametrize(("shape", "neighbours"), [((25, 25), 16), ((9, 9, 9), 26), ((5, 5, 5, 5), 80)])
 def test_among_obstacles_of_all_kinds_the_cost_is_that_of_dijkstra(Scene, shape, neighbours):
-    """A thousand scenes in all."""
     lengthened = 0
-    for seed in range(34):
+    for seed in range(10):
         scene = Scene(seed, shape, neighbours)
         source, target = scene.random.choice(len(scene.points), 2, replace=False)
+        free = scene.oracle(scene.reshaped(0), 0.0, source, target)
         for _ in range(10):
             obstacles = scene.obstacles(*scene.random.integers(0, 4, size=3))
             margin = float(scene.random.choice([0.0, 0.02]))
             found = scene.from_both_ends(scene.among_all(obstacles), margin, source, target)
             expected = scene.oracle(scene.among_all(obstacles), margin, source, target)
             assert found.cost == pytest.approx(expected, rel=1e-9)
-            free = scene.oracle(scene.reshaped(0), margin, source, target)
             lengthened += free < expected < np.inf
-    assert lengthened > 50
+    assert lengthened > 20
 
 
 def test_when_all_obstacles_have_vanished_the_path_is_what_it_was_to_the_last_bit(Scene):

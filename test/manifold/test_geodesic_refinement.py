@@ -16,7 +16,7 @@ from geodesic_motion_ros.manifold.shortest_path import cost_field, shortest_path
 from geodesic_motion_ros.obstacles.obstacles import Obstacles
 
 MARGIN = 0.005
-SHAPES = [((31, 31), 8), ((15, 15, 15), 26), ((8, 8, 8, 8), 80)]
+SHAPES = [((31, 31), 8), ((15, 15, 15), 26)]
 
 
 class Scene:
