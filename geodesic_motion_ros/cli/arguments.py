@@ -119,8 +119,9 @@ def add_formats(group: argparse._ArgumentGroup, required: bool = False, joints: 
         help="columns of the file in their order; `t` [s] where it has times, `qx,qy,qz,qw` at the end for quaternions "
         f"as in ROS messages, `px,py,pz` without orientation, `px,py` for a plane; {DEFAULT_COLUMNS} without it. Of "
         "files of other programs our names and those of the file, the rest is passed over: t=stamp,px=x,py=y,pz=z, or "
-        "t=stamp,panda_joint1=q0,...; sec,nanosec for a stamp in two columns, rx,ry,rz for a rotation vector, "
-        "matrix=NAME for 16 columns, demonstration=NAME; *=NAME_* for all joints. Without a header all, in their order",
+        "t=stamp,panda_joint1=q0,...; sec,nanosec for a stamp in two columns, rotvec_x,rotvec_y,rotvec_z "
+        "for a rotation vector, roll,pitch,yaw for turns about fixed axes, matrix=NAME for 16 columns, "
+        "demonstration=NAME; *=NAME_* for all joints. Without a header all, in their order",
     )  # fmt: skip
     group.add_argument(
         "--rate", type=float, default=100.0, metavar="HZ", help="samples a second of files without times"

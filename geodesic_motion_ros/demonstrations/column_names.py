@@ -11,8 +11,13 @@ from geodesic_motion_ros.utils.errors import DemonstrationError
 TIME = "t"
 POSITION = ("px", "py", "pz")
 QUATERNION = ("qw", "qx", "qy", "qz")
-ROTATION_VECTOR = ("rx", "ry", "rz")
+ROTATION_VECTOR = ("rotvec_x", "rotvec_y", "rotvec_z")
 """In place of QUATERNION in files of other programs: the axis of a rotation times its angle [rad]."""
+ROLL_PITCH_YAW = ("roll", "pitch", "yaw")
+"""The same: angles [rad] of turns about the fixed axes x, then y, then z."""
+ORIENTATIONS = (QUATERNION, ROTATION_VECTOR, ROLL_PITCH_YAW)
+#: What some programs call a rotation vector, and others roll, pitch and yaw: one of the two is to be said.
+_UNSAID = ("rx", "ry", "rz")
 SHORT = {"x": "px", "y": "py", "z": "pz"}
 """What positions may be called beside."""
 DEFAULT_COLUMNS = "px,py,pz,qw,qx,qy,qz"
@@ -22,7 +27,7 @@ SECONDS = ("sec", "nanosec")
 """A stamp in two columns, in place of TIME."""
 MATRIX = "matrix"
 """In place of positions and QUATERNION: 16 columns, a homogeneous matrix in rows or in columns."""
-OF_POSES = (*POSITION, *QUATERNION, *ROTATION_VECTOR, MATRIX)
+OF_POSES = (*POSITION, *QUATERNION, *ROTATION_VECTOR, *ROLL_PITCH_YAW, MATRIX)
 EVERY_JOINT = "*"
 """Stands for the name of each joint, on both sides of a mapping."""
 #: What recorders call the number of a demonstration.
@@ -61,16 +66,19 @@ def quaternion_order(names: tuple[str, ...]) -> tuple[str, ...]:
 
 
 def check_complete(names: Sequence[str], where: str) -> None:
-    """Allowed: px,py - px,py,pz - px,py,pz and the whole quaternion, or a rotation vector; each with or without t."""
+    """Allowed: px,py - px,py,pz - px,py,pz and one whole orientation; each with or without t."""
+    begun = [orientation for orientation in ORIENTATIONS if set(names) & set(orientation)]
+    if len(begun) > 1:
+        raise DemonstrationError(f"{where} has {' and '.join(map(','.join, begun))}: name one orientation")
     needed = POSITION[:2] if set(names) <= {TIME, *POSITION[:2]} else POSITION
-    for orientation in (QUATERNION, ROTATION_VECTOR):
-        if set(names) & set(orientation):
-            needed = POSITION + orientation
+    if begun:
+        needed = POSITION + begun[0]
     missing = [name for name in needed if name not in names]
     if missing:
         raise DemonstrationError(
             f"{where} lacks {', '.join(missing)}; needed are px,py,pz,qw,qx,qy,qz, or px,py,pz, or px,py, "
-            "each with or without t; with rx,ry,rz in place of the quaternion it is a rotation vector [rad], as of UR"
+            f"each with or without t; in place of the quaternion {','.join(ROTATION_VECTOR)} is a rotation vector "
+            f"[rad], as of UR, and {','.join(ROLL_PITCH_YAW)} are turns [rad] about fixed axes"
         )
 
 
@@ -93,8 +101,8 @@ def parse_mapping(columns: str) -> dict[str, str]:
 
 
 def of_poses(mapping: Mapping[str, str]) -> bool:
-    """Whether the columns are poses, and not joints."""
-    return not set(OF_POSES).isdisjoint(mapping)
+    """Whether the columns are poses, and not joints, which may be called like angles."""
+    return not (set(OF_POSES) - set(ROLL_PITCH_YAW)).isdisjoint(mapping)
 
 
 def with_every_joint(mapping: Mapping[str, str], joint_names: Sequence[str]) -> dict[str, str]:
@@ -152,9 +160,23 @@ def check_known(mapping: Mapping[str, str], joint_names: Sequence[str], has_head
     if len(stamp) == 1 or (not stamp and TIME in mapping):
         what = f"lacks {stamp[0]}" if stamp else f"names {TIME} beside {' and '.join(SECONDS)}"
         raise DemonstrationError(f"--columns {what}: a stamp is {' and '.join(SECONDS)}, or {TIME}")
+    if not joint_names and not mapping.keys().isdisjoint(_UNSAID):
+        _ask_for_the_orientation(mapping)
     missing = [name for name in joint_names if name not in mapping]
     if unknown or missing:
         what = f"{brief(unknown[0])} is none of ours" if unknown else f"{', '.join(missing)} are not mapped"
-        euler = "; angles of roll, pitch and yaw have many conventions: convert them to qw,qx,qy,qz"
-        hint = euler if not joint_names and unknown and re.search("roll|pitch|yaw|euler", unknown[0]) else ""
+        euler = "; of angles roll,pitch,yaw are read, about fixed axes: convert others to qw,qx,qy,qz"
+        hint = euler if not joint_names and unknown and re.search("euler|rpy|angle", unknown[0]) else ""
         raise DemonstrationError(f"--columns: {what}; ours are {', '.join(sorted(known))}{hint}")
+
+
+def _ask_for_the_orientation(mapping: Mapping[str, str]) -> None:
+    """Refuse names that are a rotation vector in some programs and angles in others: DemonstrationError."""
+    vector, angles = (
+        ",".join(f"{ours}={mapping.get(unsaid, unsaid)}" for ours, unsaid in zip(names, _UNSAID, strict=True))
+        for names in (ROTATION_VECTOR, ROLL_PITCH_YAW)
+    )
+    raise DemonstrationError(
+        f"--columns: is {','.join(_UNSAID)} a rotation vector, as of UR? Then say {vector}. Or is it roll, pitch and "
+        f"yaw, turns about the fixed axes x, y and z? Then say {angles}. Convert others to qw,qx,qy,qz"
+    )

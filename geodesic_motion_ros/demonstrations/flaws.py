@@ -5,6 +5,7 @@
 | stamps that repeat or fall | not later than all before | those samples are left out; refused beyond LARGEST_SHARE |
 | spike | up to LONGEST_SPIKE samples, faster than FASTEST there and back | a straight line in their place |
 | jump (lost packets) | faster than FASTEST, and stays | repaired up to BRIDGED: the step takes longer; else left out |
+| jump (two demonstrations) | slower, beyond BRIDGED, and far beyond the steps beside it | left out |
 | gap | longer than GAP and GAP_STEPS usual steps | a straight line up to BRIDGED; else left out |
 | jitter | steps of time beyond JITTER times the usual one | kept: learning counts length, not time |
 | few samples | fewer than FEWEST; fewer than LOWEST_RATE a second | left out; kept |
@@ -22,6 +23,7 @@ from dataclasses import replace
 import numpy as np
 from scipy.spatial.distance import cdist
 
+from geodesic_motion_ros.demonstrations.breaks import is_far_beyond, is_gap
 from geodesic_motion_ros.demonstrations.demonstrations import Demonstrations
 from geodesic_motion_ros.demonstrations.modes import cluster_modes
 from geodesic_motion_ros.demonstrations.splitting import still_samples
@@ -38,8 +40,6 @@ MOTIONLESS = {"joint": 0.02, "position": 1e-3, "quaternion": 0.01}
 LONGEST_SPIKE = 5
 #: With more fast steps or wrong stamps than this share the rate, or the clock, is wrong, and not single samples.
 LARGEST_SHARE = 0.1
-#: [s], and in usual steps of time: shorter gaps are jitter.
-GAP, GAP_STEPS = 0.2, 5.0
 JITTER = 2.0
 FEWEST, LOWEST_RATE = 10, 5.0
 LONGEST_REST = 2.0
@@ -153,10 +153,12 @@ def _bridged_jumps(take: Take) -> tuple[Take, list[Flaw]]:
     fast = np.flatnonzero(speeds > 1.0)
     if len(fast) > LARGEST_SHARE * len(speeds):
         return take, []  # stated with the spikes
-    flaws, steps = [], np.diff(take.times)
-    for step in fast:
-        moved = np.abs(take.values[step + 1] - take.values[step])
-        time, what = float(take.times[step]), f"jumps, {_speed(take, step)}: samples are lost"
+    moves, flaws, steps = np.abs(np.diff(take.values, axis=0)), [], np.diff(take.times)
+    far = is_far_beyond(speeds) & np.any(moves > per_column(BRIDGED, take.names), axis=1) & ~is_gap(steps)
+    for step in np.flatnonzero(far | (speeds > 1.0)):
+        moved = moves[step]
+        cause = "samples are lost" if speeds[step] > 1.0 else "samples are lost, or these are two demonstrations"
+        time, what = float(take.times[step]), f"jumps, {_speed(take, step)}: {cause}"
         if np.all(moved <= per_column(BRIDGED, take.names)):
             lost = speeds[step] * max(steps[step], float(np.median(steps))) - steps[step]
             steps[step] += lost
@@ -169,7 +171,7 @@ def _bridged_jumps(take: Take) -> tuple[Take, list[Flaw]]:
 
 def _gaps(take: Take) -> list[Flaw]:
     steps, flaws = np.diff(take.times), []
-    for step in np.flatnonzero(_is_gap(steps)):
+    for step in np.flatnonzero(is_gap(steps)):
         moved = np.abs(take.values[step + 1] - take.values[step])
         bridged = bool(np.all(moved <= per_column(BRIDGED, take.names)))
         action, how = (
@@ -179,13 +181,9 @@ def _gaps(take: Take) -> list[Flaw]:
     return flaws
 
 
-def _is_gap(steps: np.ndarray) -> np.ndarray:
-    return steps > max(GAP, GAP_STEPS * float(np.median(steps)))
-
-
 def _jitter(take: Take) -> list[Flaw]:
     steps = np.diff(take.times)
-    steps = steps[~_is_gap(steps)]
+    steps = steps[~is_gap(steps)]
     usual = float(np.median(steps))
     late = np.mean((steps > JITTER * usual) | (steps < usual / JITTER)) if len(steps) else 0.0
     if late <= LARGEST_SHARE:

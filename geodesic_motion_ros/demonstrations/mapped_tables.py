@@ -11,12 +11,15 @@ from typing import Any
 
 import numpy as np
 
+from geodesic_motion_ros.demonstrations.breaks import changing_at, is_break
 from geodesic_motion_ros.demonstrations.clocks import PER_UNIT, in_seconds, runs_of
 from geodesic_motion_ros.demonstrations.column_names import (
     DEMONSTRATION,
     MATRIX,
     OF_POSES,
+    POSITION,
     QUATERNION,
+    ROLL_PITCH_YAW,
     ROTATION_VECTOR,
     SECONDS,
     TIME,
@@ -38,6 +41,11 @@ from geodesic_motion_ros.utils.errors import DemonstrationError
 
 #: Text with columns, by the endings of files.
 TEXT_FILES = (".csv", ".txt", ".tsv", ".dat", ".log")
+#: Orientations that are read as quaternions, by the first of their columns.
+_WRITTEN = {
+    MATRIX: "matrices", ROTATION_VECTOR[0]: "rotation vectors",
+    ROLL_PITCH_YAW[0]: "angles of roll, pitch and yaw about fixed axes",
+}  # fmt: skip
 #: How programs write that there is no number, in small letters.
 _NO_NUMBER = ("", "nan", "null", "none", "na", "n/a", "-")
 
@@ -89,15 +97,15 @@ def mapped_tables(path: Path, columns: str, joint_names: Sequence[str] = ()) -> 
     known = (TIME, *SECONDS, *(joint_names or OF_POSES))
     places = {ours: _places(names, theirs, ours, path) for ours, theirs in mapping.items() if ours in known}
     numbers = {ours: _numbers(cells, own, ours, path) for ours, own in places.items()}
-    whole = _whole_rows(numbers, cells, path, found)
     units = {ours: _unit(cells, own[0]) for ours, own in places.items()}
+    if not joint_names:
+        turned = {*ROTATION_VECTOR, *ROLL_PITCH_YAW}
+        numbers |= {ours: np.radians(numbers[ours]) for ours in turned & units.keys() if units[ours] == "deg"}
+    whole = _whole_rows(numbers, cells, path, found)
     with naming(path):
         table = _with_times({ours: values[whole] for ours, values in numbers.items()}, units, path, found)
-    if ROTATION_VECTOR[0] in table or MATRIX in table:
-        called = "matrices" if MATRIX in table else "rotation vectors"
-        found.append(_note(path, f"has {called}", "as quaternions"))
-    elif not joint_names and QUATERNION[0] not in table:
-        found.append(_note(path, "has positions alone", "the orientation of the tool is not learned"))
+    if not joint_names:
+        found += _notes_on_orientation(table, path)
     if TIME not in table:
         found.append(_note(path, "has no times, as --columns names none", "as so many samples a second as --rate says"))
     labels = None
@@ -105,9 +113,26 @@ def mapped_tables(path: Path, columns: str, joint_names: Sequence[str] = ()) -> 
         column = cells.columns[_places(names, mapping[DEMONSTRATION], DEMONSTRATION, path)[0]]
         labels = np.array([str(column[row]).strip() for row in np.flatnonzero(whole)])
     tables = _by_demonstration(table, labels, path, found)
-    with naming(path):
-        tables = {name: in_quaternions(table, name) for name, table in tables.items()}
-    return MappedTables(tables, tuple(found), labels is None and len(tables) == 1, _common_unit(units, path))
+    in_one_go = labels is None and len(tables) == 1
+    moved = [ours for ours in (joint_names or (*POSITION, MATRIX)) if ours in table]
+    if in_one_go:
+        passed_over = set(range(len(names))).difference(*places.values())
+        broken = is_break(np.column_stack([table[ours] for ours in moved]), table.get(TIME))
+        _refuse_glued(broken, {names[place]: cells.columns[place] for place in sorted(passed_over)}, whole, cells, path)
+    if not joint_names:
+        with naming(path):
+            tables = {name: in_quaternions(table, name) for name, table in tables.items()}
+    unit = _common_unit({units[ours] for ours in moved}, path)
+    return MappedTables(tables, tuple(found), in_one_go, unit)
+
+
+def _notes_on_orientation(table: Table, path: Path) -> list[Flaw]:
+    written = next((called for ours, called in _WRITTEN.items() if ours in table), None)
+    if written is not None:
+        return [_note(path, f"has {written}", "as quaternions")]
+    if QUATERNION[0] not in table:
+        return [_note(path, "has positions alone", "the orientation of the tool is not learned")]
+    return []
 
 
 def _note(path: Path, what: str, how: str, action: Action = Action.READ) -> Flaw:
@@ -183,14 +208,12 @@ def _unit(cells: CellTable, place: int) -> str:
     return (cells.units[place] if cells.units else "") or unit_in(cells.names[place])[1]
 
 
-def _common_unit(units: Mapping[str, str], path: Path) -> str:
-    """The unit of the positions, or of the joints; DemonstrationError: they have several."""
-    said = {unit for ours, unit in units.items() if ours not in (TIME, *SECONDS, *QUATERNION, *ROTATION_VECTOR)}
-    if len(said - {""}) > 1:
-        raise DemonstrationError(f"{path}: the columns are in {' and in '.join(sorted(said - {''}))}: use one unit")
-    if "deg" in {units.get(name) for name in ROTATION_VECTOR}:
-        raise DemonstrationError(f"{path}: the rotation vector is in degrees; it must be in radians")
-    return next(iter(said - {""}), "")
+def _common_unit(units: set[str], path: Path) -> str:
+    """That of the positions, or of the joints, "" where none is said; DemonstrationError: they have several."""
+    said = sorted(units - {""})
+    if len(said) > 1:
+        raise DemonstrationError(f"{path}: the columns are in {' and in '.join(said)}: use one unit")
+    return said[0] if said else ""
 
 
 def _with_times(table: Table, units: Mapping[str, str], path: Path, found: list[Flaw]) -> Table:
@@ -206,6 +229,25 @@ def _with_times(table: Table, units: Mapping[str, str], path: Path, found: list[
     seconds, notes = in_seconds(table[TIME], unit, path.stem)
     found += notes
     return table | {TIME: seconds}
+
+
+def _refuse_glued(
+    broken: np.ndarray, others: Mapping[str, Sequence[Any]], whole: np.ndarray, cells: CellTable, path: Path
+) -> None:
+    """Refuse demonstrations that one of the other columns seems to keep apart: DemonstrationError.
+
+    broken : between each of the whole rows and the next (T - 1,). others : their cells, of all rows.
+    """
+    rows = np.flatnonzero(whole)
+    found = changing_at(broken, {name: [column[row] for row in rows] for name, column in others.items()})
+    if found is not None:
+        name, after = found
+        before, behind = (cells.places[rows[sample]] for sample in (after - 1, after))
+        raise DemonstrationError(
+            f"{path}: the motion breaks off between {before} and {behind}, where column {brief(name)} changes: does "
+            f"that say which demonstration a sample is of? Then say demonstration={name} in --columns, too; otherwise "
+            "leave it out of the file"
+        )
 
 
 def _by_demonstration(table: Table, labels: np.ndarray | None, path: Path, found: list[Flaw]) -> dict[str, Table]:

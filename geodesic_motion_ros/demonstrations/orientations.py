@@ -2,17 +2,25 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from geodesic_motion_ros.demonstrations.column_names import MATRIX, POSITION, QUATERNION, ROTATION_VECTOR
+from geodesic_motion_ros.demonstrations.column_names import (
+    MATRIX,
+    POSITION,
+    QUATERNION,
+    ROLL_PITCH_YAW,
+    ROTATION_VECTOR,
+)
 from geodesic_motion_ros.geometry.quaternions import continuous_signs, from_rotation
 from geodesic_motion_ros.utils.errors import DemonstrationError
 
 #: Rotation vectors of a controller are no longer than half a turn [rad], and a little for rounding.
 LONGEST_VECTOR = np.pi + 0.01
+#: Programs write angles of up to half a turn, or from none to a whole one [rad], and a little for rounding.
+LARGEST_ANGLE = 2.0 * np.pi + 0.01
 #: What numbers of a rotation matrix may be off.
 _ROUNDING = 1e-2
 
@@ -27,12 +35,27 @@ def of_rotation_vectors(vectors: np.ndarray, name: str) -> np.ndarray:
     long = np.flatnonzero(lengths > LONGEST_VECTOR)
     if len(long):
         degrees = np.all(lengths <= np.degrees(LONGEST_VECTOR)) and lengths.max() > 2.0 * np.pi
-        kind = "degrees or Euler angles" if degrees else "Euler angles"
+        kind = "degrees, or roll, pitch and yaw" if degrees else "roll, pitch and yaw"
         raise DemonstrationError(
-            f"demonstration '{name}', sample {long[0]}: the rotation vector rx,ry,rz is {lengths[long[0]]:.4g} long, "
-            f"more than half a turn [rad]: are these {kind}? Convert those to qw,qx,qy,qz"
+            f"demonstration '{name}', sample {long[0]}: the rotation vector is {lengths[long[0]]:.4g} long, "
+            f"more than half a turn [rad]: are these {kind}?"
         )
     return continuous_signs(from_rotation(Rotation.from_rotvec(vectors)))
+
+
+def of_roll_pitch_yaw(angles: np.ndarray, name: str) -> np.ndarray:
+    """The same of angles (T, 3) [rad] of turns about the fixed axes x, then y, then z.
+
+    DemonstrationError: one is larger than a whole turn, as degrees are.
+    """
+    large = np.argwhere(np.abs(angles) > LARGEST_ANGLE)
+    if len(large):
+        sample, column = large[0]
+        raise DemonstrationError(
+            f"demonstration '{name}', sample {sample}: {ROLL_PITCH_YAW[column]} is {angles[sample, column]:.4g}, more "
+            f"than a whole turn [rad]: are these degrees? Say so in the header, as in {ROLL_PITCH_YAW[column]} [deg]"
+        )
+    return continuous_signs(from_rotation(Rotation.from_euler("xyz", angles)))
 
 
 def of_matrices(matrices: np.ndarray, name: str) -> tuple[np.ndarray, np.ndarray]:
@@ -56,14 +79,20 @@ def of_matrices(matrices: np.ndarray, name: str) -> tuple[np.ndarray, np.ndarray
     return position, continuous_signs(from_rotation(Rotation.from_matrix(rotation)))
 
 
+#: What makes quaternions of three columns.
+_OF_THREE: dict[tuple[str, ...], Callable[[np.ndarray, str], np.ndarray]] = {
+    ROTATION_VECTOR: of_rotation_vectors, ROLL_PITCH_YAW: of_roll_pitch_yaw,
+}  # fmt: skip
+
+
 def in_quaternions(table: Mapping[str, np.ndarray], name: str) -> dict[str, np.ndarray]:
     """A table of a demonstration with its orientations as qw, qx, qy, qz, whatever columns it has them in."""
     converted = dict(table)
     if MATRIX in converted:
         position, quaternions = of_matrices(converted.pop(MATRIX), name)
-        converted |= dict(zip(POSITION, position.T, strict=True))
-    elif ROTATION_VECTOR[0] in converted:
-        quaternions = of_rotation_vectors(np.stack([converted.pop(one) for one in ROTATION_VECTOR], axis=1), name)
-    else:
-        return converted
-    return converted | dict(zip(QUATERNION, quaternions.T, strict=True))
+        return converted | dict(zip((*POSITION, *QUATERNION), np.hstack([position, quaternions]).T, strict=True))
+    for names, quaternions_of in _OF_THREE.items():
+        if names[0] in converted:
+            quaternions = quaternions_of(np.stack([converted.pop(one) for one in names], axis=1), name)
+            return converted | dict(zip(QUATERNION, quaternions.T, strict=True))
+    return converted

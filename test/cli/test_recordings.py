@@ -114,6 +114,25 @@ def test_text_in_one_go_is_split_as_a_bag_is(tmp_path, capsys) -> None:
 
 
 @pytest.mark.parametrize(
+    ("columns", "said"),
+    [
+        ("t=stamp,px=x,py=y,pz=z,rx=a,ry=b,rz=c", "is rx,ry,rz a rotation vector, as of UR? Then say rotvec_x=a,"),
+        ("t=stamp,px=x,py=y,pz=z", "breaks off between line 401 and line 402, where column 'run' changes: "),
+    ],
+)
+def test_what_a_file_leaves_open_is_asked_before_it_is_shown_or_learned_from(columns, said, tmp_path, capsys) -> None:
+    one = poses(1)
+    places = np.vstack([one, one])
+    rows = [(0.02 * number, *place, 1.0, 0.5, 0.2, number // len(one)) for number, place in enumerate(places)]
+    log = tmp_path / "log.txt"
+    log.write_text("\n".join(["stamp x y z a b c run", *(" ".join(map(str, row)) for row in rows)]))
+    for command in (["inspect", str(log)], ["train", "--demos", str(log), "--out", str(tmp_path / "s")]):
+        assert main([*command, "--units", "m", "--columns", columns]) == 2
+        assert said in capsys.readouterr().err
+    assert [entry.name for entry in tmp_path.iterdir()] == ["log.txt"]
+
+
+@pytest.mark.parametrize(
     ("arguments", "said"),
     [
         (["--bag", "{good}", "--topic", "/joints"], "has no topic /joints. The bag has /note (std_msgs/String, 1)"),

@@ -67,6 +67,17 @@ def test_lost_samples_are_bridged_or_leave_the_demonstration_out() -> None:
     assert (what, action) == ("jumps, 60.3 rad/s in a: samples are lost", Action.LEFT_OUT)
 
 
+def test_a_jump_that_an_arm_could_make_but_that_nothing_beside_it_explains_leaves_the_demonstration_out() -> None:
+    """Ten samples a second. The control: as large a step of a motion that is as fast before and after it."""
+    slow = replace(GOOD, times=10.0 * GOOD.times)
+    values = slow.values + np.where(np.arange(301) < 100, 0.0, 0.5)[:, None] * [1.0, 0.0]
+    _, ((what, action, time),) = found_in(replace(slow, values=values))
+    assert what == "jumps, 5.03 rad/s in a: samples are lost, or these are two demonstrations"
+    assert (action, time) == (Action.LEFT_OUT, pytest.approx(9.9))
+    swing = np.stack([0.5 * np.arange(301), np.zeros(301)], axis=1)
+    assert found_in(replace(slow, values=swing))[1] == []
+
+
 def test_gaps_are_bridged_or_leave_the_demonstration_out() -> None:
     for end, action in ((150, Action.REPAIRED), (220, Action.LEFT_OUT)):
         kept = np.delete(np.arange(301), np.arange(100, end))

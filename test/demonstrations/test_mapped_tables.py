@@ -178,7 +178,7 @@ def test_rotation_vectors_are_orientations_without_jumps(tmp_path) -> None:
     axis = np.array([0.6, 0.8, 0.0])
     vectors = np.where((turns > np.pi)[:, None], (turns - 2.0 * np.pi)[:, None] * axis, turns[:, None] * axis)
     written(tmp_path / "ur.csv", [f"p{number}" for number in range(6)], rows_of(*PLACES.T, *vectors.T), " ")
-    (take,) = pose_takes(tmp_path / "ur.csv", "m", "px=p0,py=p1,pz=p2,rx=p3,ry=p4,rz=p5")
+    (take,) = pose_takes(tmp_path / "ur.csv", "m", "px=p0,py=p1,pz=p2,rotvec_x=p3,rotvec_y=p4,rotvec_z=p5")
     expected = np.column_stack([np.cos(turns / 2), np.sin(turns / 2)[:, None] * axis])
     np.testing.assert_allclose(np.abs(np.sum(take.values[:, 3:] * expected, axis=1)), 1.0, atol=1e-12)
     assert np.abs(np.diff(take.values[:, 3:], axis=0)).max() < 0.02
@@ -214,9 +214,10 @@ def test_positions_alone_are_read_with_a_word_on_orientation(tmp_path) -> None:
     [
         ("x_mm,y_mm,z_mm", "px=x_mm,py=y_mm,pz=z_mm", "columns are in mm, by their names; --units says m"),
         ("x_mm,y_cm,z_mm", "px=x_mm,py=y_cm,pz=z_mm", "the columns are in cm and in mm: use one unit"),
-        ("x,y,z", "px=x,py=y,pz=z,roll=x", "'roll' is none of ours.*roll, pitch and yaw have many conventions"),
-        ("x,y,z", "px=x,py=y,pz=z,rx=x,ry=y", "lacks rz"),
-        ("x,y,z", "px=x,py=y,pz=z,qx=x,qy=y,qz=z", "lacks qw.*rx,ry,rz.* rotation vector"),
+        ("x,y,z", "px=x,py=y,pz=z,euler_x=x", "'euler_x' is none of ours.*roll,pitch,yaw are read, about fixed axes"),
+        ("x,y,z", "px=x,py=y,pz=z,roll=x,pitch=y", "lacks yaw"),
+        ("x,y,z", "px=x,py=y,pz=z,qx=x,qy=y,qz=z", "lacks qw.*rotvec_x.* rotation vector.* roll,pitch,yaw"),
+        ("x,y,z", "px=x,py=y,pz=z,qw=x,roll=y", "qw,qx,qy,qz and roll,pitch,yaw: name one orientation"),
         ("x,y,z", "px=x,py=y,pz=z,matrix=x", "column 'x' is 1 columns; matrix needs 16"),
         ("x,y,z", "sec=x,px=x,py=y,pz=z", "lacks nanosec"),
         ("x,y,z", "px=x,py=y,pz=height", "column 'height' is not there; there are 'x, y, z'"),
@@ -228,11 +229,81 @@ def test_what_contradicts_itself_is_refused(header, columns, message, tmp_path) 
         pose_takes(tmp_path / "log.csv", "m", columns)
 
 
-@pytest.mark.parametrize(("vector", "kind"), [((90.0, 0.0, 45.0), "degrees or Euler"), ((3.1, 0.5, 2.0), "Euler")])
+@pytest.mark.parametrize(("vector", "kind"), [((90.0, 0.0, 45.0), "degrees, or"), ((3.1, 0.5, 2.0), "roll, pitch")])
 def test_angles_that_are_no_rotation_vectors_are_refused(vector, kind, tmp_path) -> None:
     written(tmp_path / "log.csv", ("x", "y", "z", "a", "b", "c"), [(*place, *vector) for place in PLACES])
-    with pytest.raises(DemonstrationError, match=f"sample 0: the rotation vector rx,ry,rz is .* are these {kind}"):
-        pose_takes(tmp_path / "log.csv", "m", "x,y,z,rx=a,ry=b,rz=c")
+    with pytest.raises(DemonstrationError, match=f"sample 0: the rotation vector is .* are these {kind}"):
+        pose_takes(tmp_path / "log.csv", "m", "x,y,z,rotvec_x=a,rotvec_y=b,rotvec_z=c")
+    if vector[0] > 7.0:
+        with pytest.raises(DemonstrationError, match=r"sample 0: roll is 90, .* as in roll \[deg\]"):
+            pose_takes(tmp_path / "log.csv", "m", "x,y,z,roll=a,pitch=b,yaw=c")
+
+
+@pytest.mark.parametrize("unit", ["rad", "deg"])
+def test_roll_pitch_and_yaw_turn_about_fixed_axes_in_this_order(unit, tmp_path) -> None:
+    turns = np.stack([0.3 * TIMES - 1.0, 0.2 * TIMES, 2.0 - 0.5 * TIMES], axis=1)
+    header = ("x", "y", "z", *(f"{name} [{unit}]" for name in ("roll", "pitch", "yaw")))
+    numbers = np.degrees(turns) if unit == "deg" else turns
+    written(tmp_path / "log.csv", header, rows_of(*PLACES.T, *numbers.T))
+    (take,) = pose_takes(tmp_path / "log.csv", "m", "x,y,z,roll,pitch,yaw")
+    for (roll, pitch, yaw), quaternion in zip(turns, take.values[:, 3:], strict=True):
+        (c, s), (e, f), (g, h) = ((np.cos(angle), np.sin(angle)) for angle in (roll, pitch, yaw))
+        about_x, about_y = np.array([[1, 0, 0], [0, c, -s], [0, s, c]]), np.array([[e, 0, f], [0, 1, 0], [-f, 0, e]])
+        about_z = np.array([[g, -h, 0], [h, g, 0], [0, 0, 1]])
+        expected = about_z @ about_y @ about_x
+        np.testing.assert_allclose(to_rotation(quaternion).as_matrix(), expected, atol=1e-9)
+    assert [flaw.what for flaw in take.found] == ["has angles of roll, pitch and yaw about fixed axes", NO_TIMES]
+
+
+@pytest.mark.parametrize("header", [("x", "y", "z", "rx", "ry", "rz"), None])
+def test_what_may_be_a_rotation_vector_or_angles_is_refused_until_it_is_said(header, tmp_path) -> None:
+    """The two differ by half a radian here, and neither jumps. The control: said, each is read."""
+    turns = np.stack([1.0 + 0.1 * TIMES, 0.5 - 0.1 * TIMES, 1.0 - 0.2 * TIMES], axis=1)
+    written(tmp_path / "log.csv", header, rows_of(*PLACES.T, *turns.T))
+    vector, angles = "rotvec_x=rx,rotvec_y=ry,rotvec_z=rz", "roll=rx,pitch=ry,yaw=rz"
+    with pytest.raises(DemonstrationError, match=f"as of UR.? Then say {vector}.* Then say {angles}"):
+        pose_takes(tmp_path / "log.csv", "m", "x,y,z,rx,ry,rz")
+    said = [pose_takes(tmp_path / "log.csv", "m", f"x,y,z,{each}")[0].values[:, 3:] for each in (vector, angles)]
+    assert np.abs(np.sum(said[0] * said[1], axis=1)).max() < np.cos(0.1)
+
+
+def test_joints_may_be_called_like_angles(tmp_path) -> None:
+    joints = ("roll", "pitch", "yaw")
+    angles = np.column_stack([ANGLES, ANGLES[:, 0]])
+    written(tmp_path / "log.csv", ("q1 [deg]", "q2 [deg]", "q3 [deg]"), np.degrees(angles))
+    read = mapped_tables(tmp_path / "log.csv", "roll=q1,pitch=q2,yaw=q3", joints)
+    (table,) = read.tables.values()
+    np.testing.assert_allclose(np.stack([table[name] for name in joints], axis=1), np.degrees(angles), atol=1e-9)
+    assert read.unit == "deg"
+
+
+def glued(tmp_path, labels, times=None, offset=0.54) -> str:
+    """A file of two motions over half a metre, one after the other; the name of its column of labels is unknown."""
+    path = tmp_path / "log.csv"
+    places = np.vstack([PLACES, PLACES[::-1] + [0.0, offset, 0.0]])
+    times = 0.05 * np.arange(80) if times is None else times
+    written(path, ("t", "x", "y", "z", "run", "mode"), rows_of(times, *places.T, labels, ["a"] * 80))
+    return path
+
+
+def test_a_column_of_another_name_that_changes_where_the_motion_jumps_is_asked_about(tmp_path) -> None:
+    """The controls: said, it names them; without a jump, or changing elsewhere too, it is passed over."""
+    halves, columns = np.repeat([7, 8], 40), "t,x,y,z"
+    path = glued(tmp_path, halves)
+    said = "between line 41 and line 42, where column 'run' changes.* say demonstration=run in --columns"
+    with pytest.raises(DemonstrationError, match=said):
+        pose_takes(path, "m", columns)
+    assert [take.name for take in pose_takes(path, "m", f"{columns},demonstration=run")] == ["7", "8"]
+    for labels, offset in ((halves, 0.0), (np.arange(80) // 20, 0.54), (np.arange(80), 0.54), (np.zeros(80), 0.54)):
+        (take,) = pose_takes(glued(tmp_path, labels, offset=offset), "m", columns)
+        assert take.in_one_go
+
+
+def test_a_column_that_changes_where_nothing_was_recorded_is_asked_about(tmp_path) -> None:
+    times = 0.05 * np.arange(80) + np.repeat([0.0, 1.5], 40)
+    path = glued(tmp_path, np.repeat(["a", "b"], 40), times, offset=0.0)
+    with pytest.raises(DemonstrationError, match="where column 'run' changes"):
+        pose_takes(path, "m", "t,x,y,z")
 
 
 def test_decimal_commas_beside_points_are_refused(tmp_path) -> None:
