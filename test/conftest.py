@@ -174,14 +174,18 @@ def fan() -> Demonstrations:
     return fan_of_demonstrations()
 
 
-@pytest.fixture(scope="session")
-def fan_skill(stored, fan: Demonstrations) -> Skill:
-    """A skill for a Panda on the raw sheet."""
+def trained(demonstrations: Demonstrations, name: str, **settings: Any) -> Skill:
+    """A small skill of tool poses. What trains it is loaded only where one is trained anew."""
     from geodesic_motion_ros.learning.settings import TrainingSettings
     from geodesic_motion_ros.learning.training import train_task_space_skill
 
-    settings = TrainingSettings(sheet="raw", **SMALL)
-    return stored("fan", lambda: train_task_space_skill(fan, settings, name="fan"))
+    return train_task_space_skill(demonstrations, TrainingSettings(**settings, **SMALL), name=name)
+
+
+@pytest.fixture(scope="session")
+def fan_skill(stored, fan: Demonstrations) -> Skill:
+    """A skill for a Panda on the raw sheet."""
+    return stored("fan", lambda: trained(fan, "fan", sheet="raw"))
 
 
 @pytest.fixture(scope="session")
@@ -193,11 +197,7 @@ def varying_fan() -> Demonstrations:
 @pytest.fixture(scope="session")
 def canonical_fan_skill(stored, varying_fan: Demonstrations) -> Skill:
     """A skill for a Panda on the canonical sheet, learned from demonstrations whose starts and goals vary."""
-    from geodesic_motion_ros.learning.settings import TrainingSettings
-    from geodesic_motion_ros.learning.training import train_task_space_skill
-
-    settings = TrainingSettings(**SMALL)
-    return stored("canonical_fan", lambda: train_task_space_skill(varying_fan, settings, name="canonical fan"))
+    return stored("canonical_fan", lambda: trained(varying_fan, "canonical fan"))
 
 
 def reaches(count_per_family: int, connected: bool, seed: int = 0) -> JointDemonstrations:
@@ -235,14 +235,18 @@ def separated_demonstrations() -> JointDemonstrations:
 
 
 @pytest.fixture(scope="session")
-def reach_skill(stored, reach_demonstrations: JointDemonstrations) -> Skill:
+def reach_skill(stored, request: pytest.FixtureRequest) -> Skill:
     """A joint-space skill of the whole Panda on the canonical sheet, with two families."""
-    from geodesic_motion_ros.learning.joint_training import train_joint_space_skill
-    from geodesic_motion_ros.learning.settings import JointTrainingSettings
 
-    settings = JointTrainingSettings(batch=128, **SMALL)
-    robot = Robot.named("panda")
-    return stored("reach", lambda: train_joint_space_skill(reach_demonstrations, robot, settings, name="reach"))
+    def train() -> Skill:
+        from geodesic_motion_ros.learning.joint_training import train_joint_space_skill
+        from geodesic_motion_ros.learning.settings import JointTrainingSettings
+
+        shown = request.getfixturevalue("reach_demonstrations")
+        settings = JointTrainingSettings(batch=128, **SMALL)
+        return train_joint_space_skill(shown, Robot.named("panda"), settings, name="reach")
+
+    return stored("reach", train)
 
 
 class Motions:

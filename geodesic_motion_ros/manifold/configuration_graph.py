@@ -100,7 +100,7 @@ class ConfigurationGraph(LatentGraph):
         first, second = self.edges.T
         factor = np.ones(len(self.edges)) if conformal is None else 0.5 * (conformal[first] + conformal[second])
         turned, shares = _chord_energies(self.edges, configurations, points, self.sigma_shares, factor)
-        tool = self._orientation_scale * _tool_chords(self.edges, configurations, self.robot)
+        tool = _tool_energies(self._orientation_scale, self.edges, configurations, self.robot)
         fixed = factor * (self.metric.joint_weight**2 * turned + tool + self._sigma_fixed)
         return CarriedConfigurations(
             edges=self.edges,
@@ -141,7 +141,7 @@ class ConfigurationGraph(LatentGraph):
 
     @property
     def _orientation_scale(self) -> float:
-        return self.metric.orientation_weight**2 / len(self.body)
+        return _orientation_scale(self.metric, self.body)
 
     @cached_property
     def _tensors(self) -> np.ndarray:
@@ -157,9 +157,10 @@ class ConfigurationGraph(LatentGraph):
         shares = np.stack(
             [_both_pulled_back(jacobians[:, k] @ slopes) / len(self.body) for k in range(len(self.body))], axis=1
         )
-        tool = tool_orientation_jacobians(self.configurations, self.robot) @ slopes
         alone = self.metric.joint_weight**2 * _both_pulled_back(slopes)
-        alone += self._orientation_scale * _both_pulled_back(tool)
+        if self._orientation_scale > 0.0:
+            tool = tool_orientation_jacobians(self.configurations, self.robot) @ slopes
+            alone += self._orientation_scale * _both_pulled_back(tool)
         return packed_tensors(shares, alone)
 
     def sigma_at(self, latent: np.ndarray) -> np.ndarray:
@@ -226,13 +227,14 @@ def build_configuration_graph(
     sigma_fixed = metric.joint_weight**2 * np.sum(steps**2, axis=(1, 2))
     jacobians = body_point_jacobians(configurations, body.frames, body.offsets, robot.chain)
     sigma_shares = _projected_energies(edges, jacobians, steps)
-    orientation_scale = metric.orientation_weight**2 / len(body)
-    turning = tool_orientation_jacobians(configurations, robot)[:, None]
-    sigma_fixed += orientation_scale * _projected_energies(edges, turning, steps)[:, 0]
+    orientation_scale = _orientation_scale(metric, body)
+    if orientation_scale > 0.0:
+        turning = tool_orientation_jacobians(configurations, robot)[:, None]
+        sigma_fixed += orientation_scale * _projected_energies(edges, turning, steps)[:, 0]
     if math.isfinite(energy_limit):
         points = place_body_points(configurations, body.frames, body.offsets, robot.chain)
         turned, shares = _chord_energies(edges, configurations, points, sigma_shares, np.ones(len(edges)))
-        tool = orientation_scale * _tool_chords(edges, configurations, robot)
+        tool = _tool_energies(orientation_scale, edges, configurations, robot)
         energy = metric.joint_weight**2 * turned + tool + sigma_fixed + shares.sum(axis=1)
         usable = energy <= energy_limit
         edges, sigma_fixed, sigma_shares = edges[usable], sigma_fixed[usable], sigma_shares[usable]
@@ -283,11 +285,18 @@ def _supported(edges: np.ndarray, sigma_chain: np.ndarray, sigma_limit: float) -
     return edges[usable], sigma_chain[usable]
 
 
-def _tool_chords(edges: np.ndarray, configurations: np.ndarray, robot: Robot) -> np.ndarray:
-    """|dq|^2 (m,) of the tool's unit quaternion between the ends of every edge, whatever its sign."""
+def _orientation_scale(metric: JointMetricSettings, body: BodyPoints) -> float:
+    """h^2 / K, what |dq|^2 counts; 0 where the tool's orientation does not."""
+    return metric.orientation_weight**2 / len(body)
+
+
+def _tool_energies(scale: float, edges: np.ndarray, configurations: np.ndarray, robot: Robot) -> np.ndarray | float:
+    """scale |dq|^2 (m,) of the tool's unit quaternion between the ends of every edge, whatever its sign."""
+    if scale == 0.0:
+        return 0.0
     first, second = end_effector_poses(configurations, robot.chain)[1][edges.T]
     sign = np.where(np.sum(first * second, axis=1) < 0.0, -1.0, 1.0)
-    return np.sum((second - sign[:, None] * first) ** 2, axis=1)
+    return scale * np.sum((second - sign[:, None] * first) ** 2, axis=1)
 
 
 def _both_pulled_back(slopes: np.ndarray) -> np.ndarray:

@@ -65,6 +65,14 @@ class Mission:
     active: PreparedGoal | None = None
     query: Query | None = None
 
+    def defers(self, goal: Goal) -> bool:
+        """Whether a goal is so near the active one, to which there is a query, that it waits until the arm rests."""
+        return self.active is not None and self.query is not None and goal.is_near(self.active.goal)
+
+    def needs_no_query(self, goal: Goal) -> bool:
+        """Whether no query is needed as a goal is taken: it waits, or it is the active one."""
+        return self.defers(goal) or (self.active is not None and goal.is_same(self.active.goal))
+
     def activated(self, prepared: PreparedGoal, query: Query | None) -> Mission:
         """The mission with a prepared goal, and its query, as the active one."""
         if self.active is not None and prepared.goal.is_same(self.active.goal):

@@ -196,9 +196,8 @@ class ReactivePlanner:
             return goal
         # The thread that ticks may replace these meanwhile.
         generation, played, followed = self._generation, self._stream.played, self._stream.followed
-        active = self._mission.active
         prepared = PreparedGoal(request, frame, goal, None, generation)
-        if played is None or (active is not None and goal.is_same(active.goal)):
+        if played is None or self._mission.needs_no_query(goal):
             return prepared
         state = played.state_at_switch(self._ticked + self.settings.latency, followed)
         found = self._arm.query_from(state, followed, goal)
@@ -214,7 +213,7 @@ class ReactivePlanner:
         if isinstance(prepared, Verdict):
             return prepared
         mission = replace(self._mission, requested=prepared)
-        if mission.active is None or mission.query is None or not prepared.goal.is_near(mission.active.goal):
+        if not mission.defers(prepared.goal):
             # A stale query begins where the arm is no more.
             mission = mission.activated(prepared, prepared.query if prepared.generation == self._generation else None)
         self._mission = mission

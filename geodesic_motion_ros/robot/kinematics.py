@@ -6,6 +6,7 @@ Symbols: n moving joints with positions q (n,) [rad]; m joints in all; frames ar
 from __future__ import annotations
 
 import copy
+import math
 from functools import cached_property
 from pathlib import Path
 
@@ -191,30 +192,33 @@ class Robot:
         return 0.5 * (lower + upper)
 
     def _stretch(self, positions: np.ndarray) -> float:
-        lower, upper = self._finite_limits()
+        ends = np.stack(self._finite_limits(), axis=1).tolist()
         prismatic = self.chain[4][self.chain[3] >= 0]
-        best = self._distance(positions)
+        positions, best = positions.copy(), self._distance(positions)
         for _ in range(200):
             previous = best
-            for joint in range(len(positions)):
-                ends = (lower[joint], upper[joint])
-                candidates = ends if prismatic[joint] else (*ends, self._crest(positions, joint))
-                inside = [value for value in candidates if lower[joint] <= value <= upper[joint]]
-                trials = [np.where(np.arange(len(positions)) == joint, value, positions) for value in inside]
-                positions = max([positions, *trials], key=self._distance)
+            for joint, (lower, upper) in enumerate(ends):
+                farthest = self._farther_end if prismatic[joint] else self._farthest_angle
+                positions[joint] = farthest(positions, joint, lower, upper)
             best = self._distance(positions)
             if best - previous < 1e-9:
                 break
         return best
 
-    def _crest(self, positions: np.ndarray, joint: int) -> float:
-        values = []
-        for angle in (0.0, 0.5 * np.pi, np.pi):
-            trial = positions.copy()
-            trial[joint] = angle
-            values.append(self._distance(trial) ** 2)
-        cosine, offset = 0.5 * (values[0] - values[2]), 0.5 * (values[0] + values[2])
-        return float(np.arctan2(values[1] - offset, cosine))
+    def _farther_end(self, positions: np.ndarray, joint: int, lower: float, upper: float) -> float:
+        return max((positions[joint], lower, upper), key=lambda value: self._distance_with(positions, joint, value))
+
+    def _farthest_angle(self, positions: np.ndarray, joint: int, lower: float, upper: float) -> float:
+        front, side, back = (self._distance_with(positions, joint, a) ** 2 for a in (0.0, 0.5 * math.pi, math.pi))
+        cosine, sine = 0.5 * (front - back), side - 0.5 * (front + back)
+        crest = math.atan2(sine, cosine)
+        candidates = [float(positions[joint]), lower, upper, *([crest] if lower <= crest <= upper else [])]
+        return max(candidates, key=lambda angle: cosine * math.cos(angle) + sine * math.sin(angle))
+
+    def _distance_with(self, positions: np.ndarray, joint: int, value: float) -> float:
+        trial = positions.copy()
+        trial[joint] = value
+        return self._distance(trial)
 
     def _distance(self, positions: np.ndarray) -> float:
         return float(np.linalg.norm(self.forward(positions)[0] - self.shoulder))

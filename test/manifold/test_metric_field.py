@@ -20,7 +20,7 @@ from geodesic_motion_ros.manifold.node_body import NodeBody
 from geodesic_motion_ros.manifold.obstacle_weights import NodeEvaluation, evaluate_nodes
 from geodesic_motion_ros.obstacles.obstacles import Obstacles
 
-SHAPES = [(12, 10), (7, 8, 6), (5, 4, 5, 4)]
+SHAPES = [(12, 10), (7, 8, 6)]
 
 
 class Scene:

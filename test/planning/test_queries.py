@@ -30,7 +30,7 @@ from geodesic_motion_ros.skill.skill import Skill
 
 pytestmark = pytest.mark.filterwarnings("error::RuntimeWarning")
 
-QUERIES = int(os.environ.get("GEODESIC_QUERIES", "300"))
+QUERIES = int(os.environ.get("GEODESIC_QUERIES", "100"))
 SKILLS = ("panda_pouring", "panda_bottle2shelf", "panda_reach_to_grasp", "paper_pouring", "paper_reach")
 SKILLS += ("panda_wide_reach", "panda_insertion", "fr3_reach_to_grasp", "ur5_reach", "iiwa14_reach_to_grasp")
 SKILLS += tuple(filter(None, os.environ.get("GEODESIC_SKILLS", "").split(os.pathsep)))
@@ -165,8 +165,8 @@ def asked(request: pytest.FixtureRequest) -> Asked:
     ("kind", "count", "expected"),
     [
         ("goal", QUERIES, {"OK", "GOAL_OUT_OF_SUPPORT", "BAD_INPUT"}),
-        ("plan", QUERIES // 10, {"OK", "GOAL_OUT_OF_SUPPORT", "START_OUT_OF_SUPPORT"}),
-        ("tick", QUERIES // 10, {"OK", "START_OUT_OF_SUPPORT", "IN_COLLISION"}),
+        ("plan", 3 * QUERIES // 10, {"OK", "GOAL_OUT_OF_SUPPORT", "START_OUT_OF_SUPPORT"}),
+        ("tick", 3 * QUERIES // 10, {"OK", "START_OUT_OF_SUPPORT", "IN_COLLISION"}),
     ],
     ids=["goals", "plans", "ticks"],
 )
