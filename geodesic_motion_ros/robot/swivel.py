@@ -18,8 +18,8 @@ from __future__ import annotations
 import numba
 import numpy as np
 
-from geodesic_motion_ros.robot.inverse_kinematics import checked_pose, pose_error
-from geodesic_motion_ros.robot.kinematics import CHAIN, VECTOR, Robot, contiguous, link_frames
+from geodesic_motion_ros.robot.inverse_kinematics import checked_pose, pose_difference
+from geodesic_motion_ros.robot.kinematics import CHAIN, VECTOR, Robot, contiguous, forward, jacobian, link_frames
 from geodesic_motion_ros.utils.errors import RobotError
 
 JOINTS = 7
@@ -71,22 +71,16 @@ def solve_with_swivel(
     check_swivel(robot)
     position, quaternion = checked_pose(position, quaternion)
     q = robot.checked(start)
-    branch = np.sign(np.linalg.det(_rows(robot, q)))
-    for _ in range(STEPS):
-        error = _error(robot, q, position, quaternion, swivel)
-        if np.max(np.abs(error)) < TOLERANCE:
-            break
-        rows = _rows(robot, q)
-        step = rows.T @ np.linalg.solve(rows @ rows.T + 0.5 * (error @ error) * np.eye(JOINTS), error)
-        q = q + step / max(1.0, np.max(np.abs(step)) / LARGEST_STEP)
-    else:
+    branch = np.sign(np.linalg.det(_rows(q, robot.chain)))
+    q, error = _descend(q, position, quaternion, float(swivel), robot.chain)
+    if not np.max(np.abs(error)) < TOLERANCE:
         raise RobotError(
             f"no joint positions near {np.round(start, 3).tolist()} rad reach position "
             f"{np.round(position, 3).tolist()} m, quaternion {np.round(quaternion, 3).tolist()} with swivel angle "
             f"{np.degrees(swivel):.1f} deg: {1e3 * np.linalg.norm(error[:3]):.2g} mm, "
             f"{np.degrees(np.linalg.norm(error[3:6])):.2g} deg and {np.degrees(abs(error[6])):.2g} deg of swivel remain"
         )
-    if np.sign(np.linalg.det(_rows(robot, q))) != branch:
+    if np.sign(np.linalg.det(_rows(q, robot.chain))) != branch:
         raise RobotError(
             f"joint positions {np.round(q, 3).tolist()} rad lie on another branch than the start "
             f"{np.round(start, 3).tolist()} rad: a singular posture is between them; start nearer to the target"
@@ -110,17 +104,6 @@ def check_swivel(robot: Robot) -> None:
             f"the arm to '{robot.tool_link}' has {len(robot.joint_names)} joints, {_revolute(robot)} of them revolute: "
             f"a swivel angle is that of an arm with {JOINTS} revolute joints"
         )
-
-
-def _error(robot: Robot, q: np.ndarray, position: np.ndarray, quaternion: np.ndarray, swivel: float) -> np.ndarray:
-    """Pose error (6,) and swivel error, along the shorter arc, in one (7,)."""
-    around = swivel - _swivel(q, robot.chain)[0]
-    return np.append(pose_error(*robot.forward(q), position, quaternion), np.arctan2(np.sin(around), np.cos(around)))
-
-
-def _rows(robot: Robot, q: np.ndarray) -> np.ndarray:
-    """Derivatives (7, 7) of tool pose and swivel angle by the joints."""
-    return np.vstack([robot.jacobian(q), _swivel(q, robot.chain)[1]])
 
 
 @numba.njit((VECTOR, CHAIN), cache=True, nogil=True)
@@ -153,3 +136,60 @@ def _swivel(q, chain):
         dy = np.dot(de, np.cross(n, vertical)) + np.dot(e, np.cross(dn, vertical))
         gradient[j] = (x * dy - y * dx) / (x * x + y * y)
     return np.arctan2(y, x), gradient
+
+
+@numba.njit((VECTOR, CHAIN), cache=True, nogil=True)
+def _rows(q, chain):
+    """Derivatives (7, 7) of tool pose and swivel angle by the joints."""
+    rows = np.empty((JOINTS, JOINTS))
+    rows[:6] = jacobian(q, chain)
+    rows[6] = _swivel(q, chain)[1]
+    return rows
+
+
+@numba.njit(cache=True, nogil=True)
+def _solved(matrix, right):
+    """Solution (n,) of a symmetric positive system, by elimination; both are overwritten."""
+    count = len(right)
+    for k in range(count):
+        for i in range(k + 1, count):
+            share = matrix[i, k] / matrix[k, k]
+            for j in range(k, count):
+                matrix[i, j] -= share * matrix[k, j]
+            right[i] -= share * right[k]
+    for i in range(count - 1, -1, -1):
+        for j in range(i + 1, count):
+            right[i] -= matrix[i, j] * right[j]
+        right[i] /= matrix[i, i]
+    return right
+
+
+@numba.njit((VECTOR, VECTOR, VECTOR, numba.float64, CHAIN), cache=True, nogil=True)
+def _descend(start, position, quaternion, swivel, chain):
+    """Where the descent ends (7,), and what remains there of pose and swivel, along the shorter arc, in one (7,)."""
+    q, error = start.copy(), np.empty(JOINTS)
+    for iteration in range(STEPS + 1):
+        reached_position, reached_quaternion = forward(q, chain)
+        error[:6] = pose_difference(reached_position, reached_quaternion, position, quaternion)
+        around = swivel - _swivel(q, chain)[0]
+        error[6] = np.arctan2(np.sin(around), np.cos(around))
+        largest, damping = 0.0, 0.0
+        for i in range(JOINTS):
+            largest = max(largest, abs(error[i]))
+            damping += 0.5 * error[i] * error[i]
+        if largest < TOLERANCE or iteration == STEPS:
+            break
+        rows, gram = _rows(q, chain), np.empty((JOINTS, JOINTS))
+        for i in range(JOINTS):
+            for j in range(JOINTS):
+                gram[i, j] = damping if i == j else 0.0
+                for k in range(JOINTS):
+                    gram[i, j] += rows[i, k] * rows[j, k]
+        pull, step, farthest = _solved(gram, error.copy()), np.zeros(JOINTS), 0.0
+        for i in range(JOINTS):
+            for j in range(JOINTS):
+                step[i] += rows[j, i] * pull[j]
+            farthest = max(farthest, abs(step[i]))
+        for i in range(JOINTS):
+            q[i] += step[i] / max(1.0, farthest / LARGEST_STEP)
+    return q, error

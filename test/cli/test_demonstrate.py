@@ -2,16 +2,26 @@
 
 from __future__ import annotations
 
+from functools import partial
+
 import numpy as np
 import pytest
 
 from geodesic_motion_ros.cli import main
 from geodesic_motion_ros.demonstrations.readers import read_demonstrations, read_joint_demonstrations
 from geodesic_motion_ros.robot.kinematics import Robot
+from geodesic_motion_ros.simulation import joint_teacher
 from geodesic_motion_ros.simulation.joint_teacher import circle, reach_guidances, reach_to_grasp
 from geodesic_motion_ros.simulation.teacher import two_mode_motions
 
 
+@pytest.fixture
+def _small_picture(monkeypatch) -> None:
+    """The picture of the command, of a thirty-sixth of its pixels."""
+    monkeypatch.setattr(joint_teacher, "picture", partial(joint_teacher.picture, width=160, height=120))
+
+
+@pytest.mark.usefixtures("_small_picture")
 def test_demonstrations_of_joints_are_written_and_pictured(tmp_path, capsys) -> None:
     file, picture = tmp_path / "deep" / "reach.npz", tmp_path / "reach.png"
     asked = ["reach-to-grasp-separated", "--count", "1", "--families", "2", "--seed", "4"]
@@ -39,6 +49,7 @@ def test_demonstrations_of_the_tool_are_written_in_metres(tmp_path) -> None:
     assert len(read_demonstrations(file, "m")) == 2
 
 
+@pytest.mark.usefixtures("_small_picture")
 @pytest.mark.parametrize("robot", ["fr3", "iiwa14"])
 def test_other_arms_demonstrate_too_each_with_its_own_joints(tmp_path, robot: str) -> None:
     file, picture = tmp_path / "reach.npz", tmp_path / "reach.png"
