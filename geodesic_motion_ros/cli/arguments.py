@@ -4,36 +4,14 @@ from __future__ import annotations
 
 import argparse
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from tempfile import TemporaryFile
-from typing import TYPE_CHECKING, Any, Literal, TypeVar
+from typing import TYPE_CHECKING, Any
 
-from geodesic_motion_ros.demonstrations.bags import BagTake
-from geodesic_motion_ros.demonstrations.column_names import (
-    DEFAULT_COLUMNS,
-    POSITION,
-    QUATERNION,
-    of_poses,
-    parse_mapping,
-)
-from geodesic_motion_ros.demonstrations.demonstrations import Demonstrations
-from geodesic_motion_ros.demonstrations.joint_demonstrations import JointDemonstrations
-from geodesic_motion_ros.demonstrations.quaternion_order import looks_scalar_last
-from geodesic_motion_ros.demonstrations.readers import (
-    ANGLES,
-    METRES_PER_UNIT,
-    check_kind,
-    holds_joints,
-    is_mapped,
-    joint_takes,
-    pose_takes,
-    read_demonstrations,
-    read_joint_demonstrations,
-)
-from geodesic_motion_ros.demonstrations.recordings import Recording
-from geodesic_motion_ros.demonstrations.splitting import PAUSE, Split
+from geodesic_motion_ros.demonstrations.column_names import ANGLES, DEFAULT_COLUMNS, METRES_PER_UNIT
+from geodesic_motion_ros.demonstrations.splitting import PAUSE
 from geodesic_motion_ros.robot.description import DEFAULT_ROBOT
 from geodesic_motion_ros.utils.errors import GeodesicMotionError, ParameterError
 
@@ -43,10 +21,6 @@ if TYPE_CHECKING:
 
 #: Of recordings, by the space that is learned from them.
 RECORDING_OPTIONS = {"task": ("columns",), "joint": ()}
-_ROS_COLUMNS = ",".join((*POSITION, *QUATERNION[1:], QUATERNION[0]))
-_RECORDINGS = {"task": "recordings of the tool", "joint": "recordings of joints"}
-
-
 #: The extra of the package that brings a library.
 _EXTRAS = {
     "torch": "learn", "pytorch_kinematics": "learn", "pybullet": "simulation", "pybullet_data": "simulation",
@@ -157,116 +131,6 @@ def add_bag_options(group: argparse._ArgumentGroup) -> None:
         help="motion between standstills that is the first demonstration; those that lead back are passed over",
     )  # fmt: skip
     group.add_argument("--strict", action="store_true", help="refuse every flaw of a recording, repair none")
-
-
-def read_recorded(
-    arguments: argparse.Namespace,
-    paths: Sequence[Path],
-    of_bags: bool,
-    options: dict[str, tuple[str, ...]] = RECORDING_OPTIONS,
-) -> Recording:
-    """What a file, or bags, hold, flaws found and repaired.
-
-    options : names of those, by space, that are refused where they were given and the recording is of another space.
-
-    Raises
-    ------
-    DemonstrationError : says what cannot be used. ParameterError : an option of another space, or that is missing.
-    """
-    if of_bags:
-        if arguments.units in METRES_PER_UNIT and arguments.units != "m":
-            raise ParameterError(f"--units {arguments.units}: messages have metres, nothing is scaled")
-        how = Split.parse(arguments.split, arguments.pause, arguments.first)
-        recording = Recording.of_bags(paths, arguments.topic, how, arguments.robot or DEFAULT_ROBOT, arguments.units)
-        space = "joint" if recording.robot else "task"
-        if arguments.space not in (None, space):
-            raise ParameterError(f"--space {arguments.space}: {paths[0]} has {_RECORDINGS[space]}")
-        refuse_other_space(arguments, space, options, paths[0])
-        return recording
-    (path,) = paths
-    check_kind(path)
-    space = recorded_space(arguments, path)
-    columns = arguments.columns or DEFAULT_COLUMNS
-    if is_mapped(path, columns):  # of joints too
-        options = options | {"task": tuple(name for name in options["task"] if name != "columns")}
-    refuse_other_space(arguments, space, options, path)
-    robot = "" if space == "task" else arguments.robot or DEFAULT_ROBOT
-    if robot:
-        if arguments.units in METRES_PER_UNIT:
-            raise ParameterError(f"--units {arguments.units}: {path} has joints, in rad or deg (or: --space task)")
-        takes = joint_takes(path, robot, arguments.rate, columns, arguments.units)
-    else:
-        takes = pose_takes(path, _units(arguments, path), columns, arguments.rate)
-    if not takes[0].in_one_go:
-        return Recording.of_files(takes, robot)
-    # nothing in the file says where a demonstration begins
-    how = Split.parse(arguments.split, arguments.pause, arguments.first)
-    if how.marker:
-        raise ParameterError(f"--split {how.marker}: topics of markers are in bags; {path} is none")
-    return Recording.of_long_takes([BagTake(take, ()) for take in takes], how, robot)
-
-
-def recorded_space(arguments: argparse.Namespace, path: Path) -> Literal["task", "joint"]:
-    """What a file is a recording of: what --space says, else what the file says of itself."""
-    columns = arguments.columns or DEFAULT_COLUMNS
-    if is_mapped(path, columns):
-        return arguments.space or ("task" if of_poses(parse_mapping(columns)) else "joint")
-    return arguments.space or ("joint" if holds_joints(path) else "task")
-
-
-def refuse_other_space(
-    arguments: argparse.Namespace, space: str, options: dict[str, tuple[str, ...]], path: Path
-) -> None:
-    """Refuse given options, by space, that belong to another space than the recording: ParameterError names one."""
-    for other, names in options.items():
-        given = [name for name in names if getattr(arguments, name) is not None]
-        if other != space and given:
-            option = f"--{given[0].replace('_', '-')}"
-            raise ParameterError(
-                f"{option} is for {_RECORDINGS[other]}; {path} is taken for {_RECORDINGS[space]} (--space {space})"
-            )
-
-
-def read_recording(arguments: argparse.Namespace, path: Path) -> Demonstrations:
-    """The poses of one file, as they are; DemonstrationError says what is wrong with it."""
-    return read_demonstrations(path, _units(arguments, path), arguments.columns or DEFAULT_COLUMNS, arguments.rate)
-
-
-def refuse_unsaid_order(arguments: argparse.Namespace, path: Path, demonstrations: Demonstrations) -> None:
-    """Refuse quaternions that look as if their scalar were last, while nothing says where it is: ParameterError.
-
-    Not of an arm on a wall or ceiling: how its tool points in its base frame tells nothing.
-    """
-    # loaded here, for most commands do without
-    from geodesic_motion_ros.robot.kinematics import Robot
-    from geodesic_motion_ros.robot.mounting import is_upright
-
-    unsaid = path.suffix.lower() in (".npy", ".npz") and arguments.columns is None
-    if unsaid and looks_scalar_last(demonstrations) and is_upright(Robot.named(arguments.robot or DEFAULT_ROBOT)):
-        raise ParameterError(
-            f"with the quaternions of {path.name} read as qw,qx,qy,qz the tool does not point down, as qx,qy,qz,qw it "
-            f"does: in which order are they? In that of ROS: say --columns {_ROS_COLUMNS}; otherwise say --columns "
-            f"{DEFAULT_COLUMNS}"
-        )
-
-
-def _units(arguments: argparse.Namespace, path: Path) -> Literal["m", "cm", "mm"]:
-    if arguments.units not in METRES_PER_UNIT:
-        raise ParameterError(f"say the units of the positions in {path}: --units {', '.join(METRES_PER_UNIT)}")
-    return arguments.units
-
-
-def read_joint_recording(arguments: argparse.Namespace, path: Path) -> JointDemonstrations:
-    """The joints of one file, as they are; DemonstrationError says what is wrong with it."""
-    return read_joint_demonstrations(path, arguments.robot or DEFAULT_ROBOT, arguments.rate)
-
-
-Demonstrated = TypeVar("Demonstrated", Demonstrations, JointDemonstrations)
-
-
-def evenly_sampled(demonstrations: Demonstrated) -> Demonstrated:
-    """Demonstrations with equally many samples each, as arrays in a file need: as many as the longest has."""
-    return demonstrations.resampled(max(len(item) for item in demonstrations), by="time")
 
 
 def add_json(parser: argparse.ArgumentParser) -> None:

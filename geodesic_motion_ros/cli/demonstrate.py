@@ -8,14 +8,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from types import ModuleType
 
-from geodesic_motion_ros.cli.arguments import HelpFormatter, evenly_sampled, seed, writable
-from geodesic_motion_ros.demonstrations.joint_demonstrations import JointDemonstrations
-from geodesic_motion_ros.demonstrations.writers import (
-    JOINT_SUFFIXES,
-    checked_suffix,
-    save_demonstrations,
-    save_joint_demonstrations,
-)
+from geodesic_motion_ros.cli.arguments import HelpFormatter, seed, writable
 from geodesic_motion_ros.robot.description import DEFAULT_ROBOT
 from geodesic_motion_ros.utils.errors import ParameterError
 
@@ -72,6 +65,10 @@ def run(arguments: argparse.Namespace) -> None:
     """Demonstrate, save, draw."""
     from tqdm import tqdm
 
+    from geodesic_motion_ros.cli.recorded import evenly_sampled
+    from geodesic_motion_ros.demonstrations.joint_demonstrations import JointDemonstrations
+    from geodesic_motion_ros.demonstrations.writers import save_demonstrations, save_joint_demonstrations
+
     _check(arguments)
     teacher, motions = _motions(arguments)
     for path in (arguments.out, arguments.picture):
@@ -102,6 +99,8 @@ def run(arguments: argparse.Namespace) -> None:
 
 def _check(arguments: argparse.Namespace) -> None:
     """Refuse options that do not go together."""
+    from geodesic_motion_ros.demonstrations.writers import JOINT_SUFFIXES, checked_suffix
+
     if arguments.families is not None and arguments.task not in WITH_FAMILIES:
         raise ParameterError(f"{arguments.task} has no families: --families is for {' and '.join(WITH_FAMILIES)}")
     checked_suffix(arguments.out, JOINT_SUFFIXES if arguments.task in OF_JOINTS else (".npz",))

@@ -10,7 +10,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from scipy.spatial import cKDTree
 
 from geodesic_motion_ros.cli.arguments import (
     HelpFormatter,
@@ -18,16 +17,9 @@ from geodesic_motion_ros.cli.arguments import (
     add_formats,
     add_json,
     pictured,
-    read_recorded,
-    refuse_unsaid_order,
     writable,
 )
 from geodesic_motion_ros.cli.report import write_report
-from geodesic_motion_ros.demonstrations.bags import is_bag
-from geodesic_motion_ros.demonstrations.demonstrations import Demonstrations
-from geodesic_motion_ros.demonstrations.mapped_tables import TEXT_FILES
-from geodesic_motion_ros.demonstrations.recorded_tables import files_in
-from geodesic_motion_ros.geometry.quaternions import angle_between
 from geodesic_motion_ros.skill.description import DESCRIPTION
 from geodesic_motion_ros.utils.errors import GeodesicMotionError, ParameterError
 from geodesic_motion_ros.utils.tables import text_table, write_json
@@ -36,8 +28,6 @@ if TYPE_CHECKING:
     from geodesic_motion_ros.manifold.latent_graph import LatentGraph
     from geodesic_motion_ros.skill.skill import Skill
 
-#: Recordings in files; bags are known by `is_bag`.
-_FILES = (*TEXT_FILES, ".npy", ".npz")
 _DESCRIPTION = """\
 Shows what a skill holds: what it was learned from, how well, where it begins and ends, how large its latent graph is
 and from which thresholds on the planner refuses a path. Writes the picture of its latent space; that of a joint-space
@@ -85,16 +75,19 @@ def add_command(commands: argparse._SubParsersAction) -> None:
 
 def run(arguments: argparse.Namespace) -> None:
     """Describe, print, draw."""
+    from geodesic_motion_ros.demonstrations.bags import is_bag
+    from geodesic_motion_ros.demonstrations.mapped_tables import TEXT_FILES
+    from geodesic_motion_ros.demonstrations.recorded_tables import files_in
     from geodesic_motion_ros.skill.skill import Skill
 
     writable(arguments.json)
     writable(arguments.html)
     path = Path(arguments.skill)
     tables = files_in(path) and not (path / DESCRIPTION).exists()
-    if is_bag(path) or tables or path.is_file() or path.suffix.lower() in _FILES:
+    if is_bag(path) or tables or path.is_file() or path.suffix.lower() in (*TEXT_FILES, ".npy", ".npz"):
         if arguments.html is not None:
             raise ParameterError(f"--html is of skills, {path} is a recording: `train` writes one of what it learns")
-        run_recording(arguments, path)
+        run_recording(arguments, path, is_bag(path))
         return
     if path.is_dir() and not os.path.lexists(path / DESCRIPTION):
         raise ParameterError(
@@ -111,11 +104,12 @@ def run(arguments: argparse.Namespace) -> None:
         write_report(skill, picture, arguments.html)
 
 
-def run_recording(arguments: argparse.Namespace, path: Path) -> None:
+def run_recording(arguments: argparse.Namespace, path: Path, of_bags: bool) -> None:
     """Print the demonstrations of a recording and its flaws, and draw them. The exit status is that of `train`."""
+    from geodesic_motion_ros.cli.recorded import read_recorded, refuse_unsaid_order
     from geodesic_motion_ros.visualization.recording_view import draw_recording
 
-    recording = read_recorded(arguments, (path,), of_bags=is_bag(path))
+    recording = read_recorded(arguments, (path,), of_bags)
     described = recording.described()
     unit = "rad" if recording.robot else "m"
     print(text_table(
@@ -131,7 +125,7 @@ def run_recording(arguments: argparse.Namespace, path: Path) -> None:
     draw_recording(recording.takes, recording.motions, recording.left_out, recording.flaws, picture)
     print(f"\nwrote its picture to {picture}")
     demonstrations = recording.checked(arguments.strict)
-    if isinstance(demonstrations, Demonstrations) and demonstrations.has_orientation:
+    if not recording.robot and demonstrations.has_orientation:
         refuse_unsaid_order(arguments, path, demonstrations)
 
 
@@ -162,6 +156,8 @@ def _halfway(skill: Skill) -> list[float] | None:
 
 def describe(skill: Skill) -> dict[str, Any]:
     """What a skill holds, as plain values; lengths in metres unless a name says otherwise."""
+    from geodesic_motion_ros.geometry.quaternions import angle_between
+
     begun = time.perf_counter()
     graph = skill.graph()
     seconds = time.perf_counter() - begun
@@ -209,6 +205,8 @@ def _families(skill: Skill) -> dict[str, Any]:
 
 
 def _graph(skill: Skill, graph: LatentGraph) -> dict[str, Any]:
+    from scipy.spatial import cKDTree
+
     counts = np.bincount(graph.component)
     figures = {
         "shape": list(graph.grid.shape), "nodes": len(graph.latent), "edges": len(graph.edges),

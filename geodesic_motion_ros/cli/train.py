@@ -20,8 +20,6 @@ from geodesic_motion_ros.cli.arguments import (
     add_recording,
     indices,
     pictured,
-    read_recorded,
-    refuse_unsaid_order,
     seed,
     writable,
 )
@@ -32,7 +30,6 @@ from geodesic_motion_ros.demonstrations.column_names import (
     parse_columns,
     quaternion_order,
 )
-from geodesic_motion_ros.demonstrations.quaternion_order import tilts
 from geodesic_motion_ros.demonstrations.takes import Action
 from geodesic_motion_ros.skill.description import check_text
 from geodesic_motion_ros.utils.errors import ParameterError
@@ -162,6 +159,7 @@ def _add_training(group: argparse._ArgumentGroup) -> None:
 
 def run(arguments: argparse.Namespace, measures: Mapping[str, Measure] | None = None) -> None:
     """Train, measure, save, report."""
+    from geodesic_motion_ros.cli.recorded import read_recorded, refuse_unsaid_order
     from geodesic_motion_ros.planning.declared_scene import DeclaredScene
 
     paths = tuple(arguments.bag or (arguments.demos,))
@@ -281,6 +279,8 @@ def _note_the_recording(demonstrations: Demonstrations, extent: float, space: st
 
 def _report_orientations(arguments: argparse.Namespace, demonstrations: Demonstrations) -> None:
     """Print the order in which quaternions were read, and how the tool points then."""
+    from geodesic_motion_ros.demonstrations.quaternion_order import tilts
+
     if arguments.demos.suffix.lower() not in (".npy", ".npz"):
         order = "the names of the columns say"
     else:

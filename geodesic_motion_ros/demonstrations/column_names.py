@@ -30,6 +30,10 @@ MATRIX = "matrix"
 OF_POSES = (*POSITION, *QUATERNION, *ROTATION_VECTOR, *ROLL_PITCH_YAW, MATRIX)
 EVERY_JOINT = "*"
 """Stands for the name of each joint, on both sides of a mapping."""
+METRES_PER_UNIT: dict[str, float] = {"m": 1.0, "cm": 1e-2, "mm": 1e-3}
+"""Units of positions."""
+ANGLES = ("rad", "deg")
+"""Units of joints."""
 #: What recorders call the number of a demonstration.
 _CALLED_DEMONSTRATION = re.compile(
     r"(demo|demonstration|episode|trial|take|trajectory|traj)[ _.-]?(id|idx|index|nr|no|num|number|name)?",

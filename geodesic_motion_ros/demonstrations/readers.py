@@ -12,8 +12,10 @@ import numpy as np
 
 from geodesic_motion_ros.demonstrations.checks import check_samples
 from geodesic_motion_ros.demonstrations.column_names import (
+    ANGLES,
     DEFAULT_COLUMNS,
     DEMONSTRATION,
+    METRES_PER_UNIT,
     POSITION,
     QUATERNION,
     TIME,
@@ -31,9 +33,6 @@ from geodesic_motion_ros.utils.checked_numbers import ARM_REACH
 from geodesic_motion_ros.utils.errors import DemonstrationError, FileError
 
 Units = Literal["m", "cm", "mm"]
-ANGLES = ("rad", "deg")
-"""Units of joints."""
-METRES_PER_UNIT: dict[str, float] = {"m": 1.0, "cm": 1e-2, "mm": 1e-3}
 SHORTEST_MOTION = 0.01
 """When no demonstration of a file moves this far [m], its units were taken for too small ones."""
 

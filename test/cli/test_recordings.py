@@ -3,16 +3,13 @@
 from __future__ import annotations
 
 import json
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from geodesic_motion_ros.learning import training
 from geodesic_motion_ros.skill.skill import Skill
 from geodesic_motion_ros.studies.cli import main
-from geodesic_motion_ros.visualization import skill_report
 
 DOWN = (0.0, 1.0, 0.0, 0.0)
 
@@ -52,15 +49,8 @@ def spoiled(bag, tmp_path_factory) -> Path:
     return bag.write(tmp_path_factory.mktemp("bags") / "reach", {"/tool": published(places)})
 
 
-def test_a_bag_becomes_a_skill(good, tmp_path, monkeypatch, capsys) -> None:
-    thoroughly = training.train_task_space_skill
-
-    def briefly(shown, settings, *more):
-        small = {"hidden": (16, 16), "samples": 40, "precision_samples": 2, "precision_iterations": 10}
-        return thoroughly(shown, replace(settings, **small), *more)
-
-    monkeypatch.setattr(training, "train_task_space_skill", briefly)
-    monkeypatch.setattr(skill_report, "PLACES", 1)
+@pytest.mark.usefixtures("brief_training")
+def test_a_bag_becomes_a_skill(good, tmp_path, capsys) -> None:
     arguments = ["train", "--bag", str(good), "--out", str(tmp_path / "skill"), "--steps", "30", "--kernels", "20"]
     assert main([*arguments, "--strict"]) == 0
     provenance = Skill.load(tmp_path / "skill").provenance

@@ -3,39 +3,21 @@ from __future__ import annotations
 import base64
 import json
 import re
-from collections.abc import Iterator
-from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from geodesic_motion_ros import cli
-from geodesic_motion_ros.learning import training
 from geodesic_motion_ros.planning.declared_scene import DeclaredScene
 from geodesic_motion_ros.skill.skill import Skill
 from geodesic_motion_ros.studies.cli import main
-from geodesic_motion_ros.visualization import skill_report
 
-BRIEFLY = ["--steps", "400", "--kernels", "80"]
-
-
-@pytest.fixture(scope="module", autouse=True)
-def _small_networks() -> Iterator[None]:
-    """What the command has no option for: networks that are quickly trained, and quickly decoded for the pictures."""
-    thoroughly = training.train_task_space_skill
-
-    def briefly(shown, settings, *progress):
-        small = {"hidden": (48, 32), "samples": 80, "precision_samples": 2, "precision_iterations": 40}
-        return thoroughly(shown, replace(settings, **small), *progress)
-
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(training, "train_task_space_skill", briefly)
-        patch.setattr(skill_report, "PLACES", 1)
-        yield
+BRIEFLY = ["--steps", "60", "--kernels", "60"]
+pytestmark = pytest.mark.usefixtures("brief_training")
 
 
 @pytest.fixture(scope="module")
-def trained(recording, tmp_path_factory):
+def trained(recording, brief_training, tmp_path_factory):
     """Folder of a skill that was trained and measured by the command, and its JSON."""
     pytest.importorskip("movement_primitives")
     folder = tmp_path_factory.mktemp("trained")

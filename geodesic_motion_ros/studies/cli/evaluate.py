@@ -13,10 +13,6 @@ from geodesic_motion_ros.cli.arguments import (
     add_json,
     add_recording,
     indices,
-    read_joint_recording,
-    read_recording,
-    recorded_space,
-    refuse_other_space,
     writable,
 )
 from geodesic_motion_ros.utils.tables import write_json
@@ -96,6 +92,12 @@ def _sheets(text: str) -> tuple[str, ...]:
 
 def run(arguments: argparse.Namespace) -> None:
     """Measure, print the table, write the file."""
+    from geodesic_motion_ros.cli.recorded import (
+        read_joint_recording,
+        read_recording,
+        recorded_space,
+        refuse_other_space,
+    )
     from geodesic_motion_ros.studies.experiments.folds import all_folds, default_folds, parse_folds
 
     space = recorded_space(arguments, arguments.demos)

@@ -10,7 +10,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from geodesic_motion_ros.cli.arguments import HelpFormatter, add_json, evenly_sampled, writable
+from geodesic_motion_ros.cli.arguments import HelpFormatter, add_json, writable
 from geodesic_motion_ros.studies.experiments.registry import STUDIES, Entry
 from geodesic_motion_ros.utils.errors import ExperimentError
 from geodesic_motion_ros.utils.tables import text_table, write_json
@@ -101,6 +101,7 @@ def _run(arguments: argparse.Namespace, study: Study) -> None:
 
 def _save(path: Path, study: OfOwnData) -> None:
     """Write a study's demonstrations with equally many samples each, as the file wants them."""
+    from geodesic_motion_ros.cli.recorded import evenly_sampled
     from geodesic_motion_ros.demonstrations.writers import save_demonstrations
 
     demonstrations, contents = study.saved()

@@ -13,7 +13,8 @@ from dataclasses import Field, dataclass, field, fields
 from pathlib import Path
 from typing import Any, ClassVar, TypeVar
 
-from geodesic_motion_ros.cli.arguments import add_recording, indices, read_joint_recording, read_recording
+from geodesic_motion_ros.cli.arguments import add_recording, indices
+from geodesic_motion_ros.cli.recorded import read_joint_recording, read_recording
 from geodesic_motion_ros.demonstrations.demonstrations import Demonstrations
 from geodesic_motion_ros.demonstrations.joint_demonstrations import JointDemonstrations
 from geodesic_motion_ros.demonstrations.readers import holds_joints
