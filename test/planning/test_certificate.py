@@ -89,7 +89,7 @@ def certified(reference: JointReference, obstacles: Obstacles):
 
 def test_it_is_never_optimistic_and_costs_a_millimetre():
     costs, own_costs = [], []
-    for seed in range(100):
+    for seed in range(40):
         reference, obstacles = scene(seed)
         certificate = certified(reference, obstacles)
         true, own = densely(reference, obstacles)
@@ -105,7 +105,7 @@ def test_it_is_never_optimistic_and_costs_a_millimetre():
 
 def test_it_holds_for_every_velocity_within_the_errors() -> None:
     optimistic = 0
-    for seed in range(30):
+    for seed in range(12):
         reference, spheres = scene(seed)
         solids, off = solids_in(seed), np.random.default_rng(seed).normal(scale=0.2, size=(4, 3))
         errors = np.linalg.norm(off, axis=1)
@@ -125,12 +125,12 @@ def test_it_holds_for_every_velocity_within_the_errors() -> None:
         true = densely_of_solids(reference, truly)
         assert np.all(certified(reference, replace(solids, solid_velocity_errors=errors)).clearance <= true + 1e-9)
         optimistic += np.any(certified(reference, solids).clearance > true + 1e-3)
-    assert optimistic > 20
+    assert optimistic > 8
 
 
 def test_what_is_left_of_a_motion_is_certified_like_a_motion_of_its_own():
     """But for the interval in which it begins: that counts as a whole."""
-    for seed in range(30):
+    for seed in range(12):
         reference, obstacles = scene(seed)
         swept = CERTIFIER.swept(reference)
         for time in np.random.default_rng(seed).uniform(0.0, reference.duration, 4):
@@ -150,7 +150,7 @@ def test_what_is_left_of_a_motion_is_certified_like_a_motion_of_its_own():
 def test_beyond_the_horizon_what_moves_may_be_left_out_but_not_what_stands_nor_what_comes_before():
     """Less certified obstacles give no less clearance; to the horizon, and of what stands, it is the same."""
     gained = 0
-    for seed in range(60):
+    for seed in range(30):
         reference, obstacles = scene(seed)
         obstacles.velocities[:2] = 0.0
         certain = certified(reference, obstacles)
@@ -161,7 +161,7 @@ def test_beyond_the_horizon_what_moves_may_be_left_out_but_not_what_stands_nor_w
         np.testing.assert_allclose(optimistic.clearance[later], standing.clearance[later], atol=1e-12)
         assert np.all(optimistic.clearance >= certain.clearance - 1e-12)
         gained += np.any(optimistic.clearance > certain.clearance + 1e-3)
-    assert gained > 5
+    assert gained > 2
 
 
 def test_what_comes_to_where_the_arm_stands_at_the_end_is_counted_to_the_horizon():
@@ -198,7 +198,7 @@ def densely_of_solids(reference: JointReference, obstacles: Obstacles) -> np.nda
 
 def test_among_moving_solids_it_is_never_optimistic_and_costs_little_more():
     costs = []
-    for seed in range(40):
+    for seed in range(15):
         reference, _ = scene(seed)
         obstacles = solids_in(seed)
         certificate = CERTIFIER.certify(reference, obstacles, HORIZON)
@@ -212,7 +212,7 @@ def test_among_moving_solids_it_is_never_optimistic_and_costs_little_more():
 
 
 def test_among_the_points_of_a_cloud_it_is_never_optimistic():
-    for seed in range(15):
+    for seed in range(8):
         reference, spheres = scene(seed)
         random = np.random.default_rng(seed)
         points = np.concatenate([c + random.normal(scale=0.05, size=(100, 3)) for c in spheres.centres[:3]])
@@ -233,7 +233,7 @@ def test_among_the_points_of_a_cloud_it_is_never_optimistic():
 def test_without_the_bulge_it_would_be_optimistic():
     """The control: the same with straight segments alone."""
     optimistic = 0
-    for seed in range(40):
+    for seed in range(20):
         reference, obstacles = scene(seed)
         spheres = placed_at(reference, reference.times)
         straight = np.zeros((len(reference.times) - 1, len(RADII)))
@@ -244,11 +244,11 @@ def test_without_the_bulge_it_would_be_optimistic():
         true, own = densely(reference, obstacles)
         optimistic += np.any(clearance > true + 1e-6)
         optimistic += np.any(self_clearances(spheres, straight, RADII, PAIRS)[0] > own + 1e-6)
-    assert optimistic > 20
+    assert optimistic > 10
 
 
 def test_bulges_hold_every_sphere_near_its_segment():
-    for seed in range(30):
+    for seed in range(15):
         reference, _ = scene(seed)
         bulges = bulges_of(reference)
         times = np.linspace(reference.times[:-1], reference.times[1:], 41, axis=1)
@@ -271,7 +271,7 @@ def test_twice_as_many_knots_have_a_quarter_of_the_bulge():
 
 def test_culling_changes_nothing():
     """Against every sphere, obstacle and pair in turn."""
-    for seed in range(40):
+    for seed in range(15):
         reference, obstacles = scene(seed)
         obstacles = replace(obstacles, velocity_errors=np.random.default_rng(seed).uniform(0.0, 0.3, 4))
         certificate = certified(reference, obstacles)

@@ -12,6 +12,7 @@ import yaml
 
 from geodesic_motion_ros.obstacles.obstacles import Obstacles
 from geodesic_motion_ros.planning.declared_scene import DeclaredScene, demonstrated_spheres
+from geodesic_motion_ros.planning.plan import Plan
 from geodesic_motion_ros.planning.planner import ReactivePlanner
 from geodesic_motion_ros.planning.settings import PlannerSettings
 from geodesic_motion_ros.planning.status import VerdictCode
@@ -137,12 +138,17 @@ def skill(request: pytest.FixtureRequest) -> Skill:
     return Skill.load(request.param)
 
 
-def test_a_path_is_the_same_beside_a_scene_that_is_far_from_it(skill: Skill) -> None:
-    alone, _ = between(skill, None)
+@pytest.fixture(scope="module")
+def alone(skill: Skill) -> tuple[Plan, ReactivePlanner]:
+    """The answer where nothing stands around the arm, and its planner."""
+    return between(skill, None)
+
+
+def test_a_path_is_the_same_beside_a_scene_that_is_far_from_it(skill: Skill, alone) -> None:
     far = DeclaredScene.of({"boxes": [{"name": "far", "centre": [-2.0, 0.0, 0.5], "size": [0.1, 0.1, 0.1]}]})
     beside, _ = between(skill, far)
     assert beside.verdict.ok
-    np.testing.assert_array_equal(alone.reference.positions, beside.reference.positions)
+    np.testing.assert_array_equal(alone[0].reference.positions, beside.reference.positions)
 
 
 def reaches(spheres: np.ndarray, radii: np.ndarray, directions: np.ndarray) -> np.ndarray:
@@ -156,14 +162,14 @@ def placed(planner: ReactivePlanner, postures: np.ndarray) -> tuple[np.ndarray, 
     return positions[:, moving], planner.collision.radii[moving]
 
 
-def test_a_detour_stays_out_of_the_scene(skill: Skill) -> None:
+def test_a_detour_stays_out_of_the_scene(skill: Skill, alone) -> None:
     """A wall beyond all that was demonstrated, where the arm goes without it."""
-    alone, planner = between(skill, None)
+    alone, planner = alone
     halfway = alone.reference.sample(0.5 * alone.reference.duration)[0]
     obstacle = Obstacles.of_spheres(planner.robot.forward(halfway)[0][None], np.array([0.06]))
     free, _ = between(skill, None, obstacle, REACH)
     assert free.verdict.ok
-    directions = np.random.default_rng(0).normal(size=(500, 3))
+    directions = np.random.default_rng(0).normal(size=(300, 3))
     directions /= np.linalg.norm(directions, axis=1)[:, None]
     shown = demonstrated_spheres(skill, planner.robot, planner.collision)
     within = np.maximum(
@@ -183,15 +189,15 @@ def test_a_detour_stays_out_of_the_scene(skill: Skill) -> None:
     assert least(other, found.reference.positions, scene) >= 0.0
 
 
-def test_an_arm_that_stands_in_the_scene_is_located(skill: Skill) -> None:
+def test_an_arm_that_stands_in_the_scene_is_located(skill: Skill, alone) -> None:
     """Beyond a wall that no demonstration comes to."""
-    alone, planner = between(skill, None)
+    alone, planner = alone
     start = alone.reference.positions[0]
     beside = start + 0.25 * np.eye(7)[0] + 0.15 * np.eye(7)[5]
     if skill.space == "task":
         beside = start
     shown = demonstrated_spheres(skill, planner.robot, planner.collision)
-    candidates = np.random.default_rng(1).normal(size=(2000, 3))
+    candidates = np.random.default_rng(1).normal(size=(300, 3))
     candidates /= np.linalg.norm(candidates, axis=1)[:, None]
     ahead = reaches(*placed(planner, beside[None]), candidates) - reaches(*shown, candidates)
     widest = int(np.argmax(ahead))

@@ -73,7 +73,7 @@ def test_paths_there_are_the_cheapest(planner) -> None:
     paths, _, _, query = found(planner, 0.03)
     for path in paths:
         nodes, _, _ = shortest_free_path(
-            planner.graph.adjacency, query.graph.base, np.zeros_like(query.to_goal), path.nodes[0], path.nodes[-1]
+            planner.graph.adjacency, query.graph.base, np.zeros_like(query.to_goal), int(path.nodes[0]), int(path.nodes[-1])
         )
         np.testing.assert_array_equal(path.nodes, nodes)
 
@@ -89,7 +89,7 @@ def beside(sphere: Obstacles, reach: float = 0.3, away: float = 0.0) -> list[np.
     robot, model = Robot.named("panda"), CollisionModel.named("panda")
     undisplaced = robot.forward(robot.ready)[0] + [0.0, away, 0.0]
     arm = ArmInScene.of(robot, model, sphere)
-    return list(displaced_paths(robot, arm, robot.ready, undisplaced, reach, APART))
+    return list(displaced_paths(robot, arm, robot.ready.copy(), undisplaced, reach, APART))
 
 
 def at_the_tool(offset: list[float], radius: float = 0.05) -> Obstacles:

@@ -23,7 +23,7 @@ def poses_of(robot: Robot, configurations: np.ndarray) -> tuple[np.ndarray, np.n
 
 def line(robot: Robot, length: float = 0.2, samples: int = 60) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Poses along a straight line across the arm, with the orientation of its beginning, and where it begins (eta,)."""
-    start = robot.ready if len(robot.joint_names) == 7 else np.array([0.2, 0.4, 0.9, 0.3, 0.8, 0.1])
+    start = robot.ready.copy() if len(robot.joint_names) == 7 else np.array([0.2, 0.4, 0.9, 0.3, 0.8, 0.1])
     position, quaternion = robot.forward(start)
     positions = position + np.linspace(0.0, length, samples)[:, None] * [0.0, 1.0, 0.2]
     return positions, np.tile(quaternion, (samples, 1)), start

@@ -151,7 +151,7 @@ def excursion(
 ) -> float:
     """How far [m] a motion takes spheres out of a box, and beyond what is allowed beside a base path."""
     radii = planner.collision.radii[planner.collision.moving]
-    along, passed = centres_along(planner, reference, 1500), centres_along(planner, base, 1500)
+    along, passed = centres_along(planner, reference, 400), centres_along(planner, base, 1500)
     beyond = np.full(along.shape[:2], np.inf)
     if entry is not None:
         beyond = radii - np.min(0.5 * np.array(entry["size"]) - np.abs(along - entry["centre"]), axis=2)
