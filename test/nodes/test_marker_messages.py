@@ -163,7 +163,7 @@ class TestMarker:
             m.read_marker(sphere(lifetime=Duration(sec=-1)), BASE)
 
 
-@settings(deadline=None, max_examples=300)
+@settings(deadline=None, max_examples=100)
 @given(st.tuples(*[_ANY] * 10), st.integers(-5, 20), st.integers(-5, 20), st.text(max_size=8))
 def test_fuzzed_markers_are_read_or_refused(numbers, kind, action, frame):
     """Whatever the fields hold, finite values are returned or MessageRefused is raised, nothing else."""
