@@ -60,19 +60,17 @@ def regression_penalty(features: np.ndarray, curves: np.ndarray) -> float:
     if count < FEWEST_DEMONSTRATIONS:
         return math.inf
     few = curves[:, np.linspace(0, curves.shape[1] - 1, GAIN_SAMPLES).round().astype(int)]
-    weights = [_left_out_weights(features, penalty) for penalty in PENALTIES]
+    weights = np.stack([_left_out_weights(features, penalty) for penalty in PENALTIES])
     off_mean = _left_out_distances(_left_out_weights(features, math.inf), few)
-    gains = np.stack([off_mean - _left_out_distances(own, few) for own in weights])
+    gains = off_mean - _left_out_distances(weights, few)
     best = gains[np.argmax(gains.mean(axis=1))]
-
-    def reaches(order: np.ndarray) -> bool:
-        shuffled = (off_mean - _left_out_distances(own[np.ix_(order, order)], few) for own in weights)
-        return any(gain.mean() >= best.mean() for gain in shuffled)
-
-    random = np.random.default_rng(0)
-    by_chance = sum(reaches(random.permutation(count)) for _ in range(SHUFFLES))
-    if 1 + by_chance > LEVEL * (1 + SHUFFLES):
-        return math.inf
+    random, by_chance = np.random.default_rng(0), 0
+    for _ in range(SHUFFLES):
+        order = random.permutation(count)
+        shuffled = off_mean - _left_out_distances(weights[:, order[:, None], order], few)
+        by_chance += bool(np.any(shuffled.mean(axis=1) >= best.mean()))
+        if 1 + by_chance > LEVEL * (1 + SHUFFLES):
+            return math.inf
     lost = best - gains
     within = lost.mean(axis=1) <= lost.std(axis=1, ddof=1) / math.sqrt(count)
     return max(penalty for penalty, near in zip(PENALTIES, within, strict=True) if near)
@@ -89,5 +87,5 @@ def _left_out_weights(features: np.ndarray, penalty: float) -> np.ndarray:
 
 
 def _left_out_distances(weights: np.ndarray, curves: np.ndarray) -> np.ndarray:
-    """Mean distance (N,) of each curve (N, T, D) from what the weights (N, N) predict for it."""
-    return np.linalg.norm(np.tensordot(weights, curves, axes=1) - curves, axis=-1).mean(axis=1)
+    """Mean distance (..., N) of each curve (N, T, D) from what the weights (..., N, N) predict for it."""
+    return np.linalg.norm(np.tensordot(weights, curves, axes=1) - curves, axis=-1).mean(axis=-1)
