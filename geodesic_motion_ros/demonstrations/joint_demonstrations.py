@@ -165,7 +165,9 @@ class JointDemonstrations:
                 f"the robot has {', '.join(robot.joint_names)}"
             )
         for item in self:
-            for sample, configuration in enumerate(item.configurations):
+            inside = (item.configurations >= robot.lower) & (item.configurations <= robot.upper)
+            for sample in np.flatnonzero(~inside.all(axis=1)):
+                configuration = item.configurations[sample]
                 try:
                     robot.checked(configuration)
                 except RobotError as error:

@@ -48,7 +48,8 @@ class Recording:
     @classmethod
     def of_files(cls, takes: Sequence[Take], robot: str = "") -> Recording:
         """Takes that are one demonstration each. DemonstrationError: a value that cannot be used."""
-        repaired = [_repaired(take, robot) for take in takes]
+        arm = _robot(robot) if robot else None
+        repaired = [_repaired(take, arm) for take in takes]
         flaws = [flaw for take, (_, found) in zip(takes, repaired, strict=True) for flaw in (*take.found, *found)]
         return cls._of(takes, [take for take, _ in repaired], flaws, robot)
 
@@ -83,10 +84,11 @@ class Recording:
     @classmethod
     def of_long_takes(cls, reads: Sequence[bags.BagTake], how: Split, robot: str = "") -> Recording:
         """Takes with one or more demonstrations each. DemonstrationError: nothing moves in one."""
+        arm = _robot(robot) if robot else None
         motions: list[Take] = []
         flaws: list[Flaw] = []
         for read in reads:
-            take, repaired = _repaired(read.take, robot)
+            take, repaired = _repaired(read.take, arm)
             flaws += [*read.flaws, *take.found, *repaired]
             if not any(flaw.action is Action.REFUSED for flaw in repaired):
                 parts, between = split(take, how, read.markers, read.breaks)
@@ -184,9 +186,9 @@ def _in_base(read: bags.BagTake, robot: str) -> bags.BagTake:
     return replace(read, flaws=(*read.flaws, flaw))
 
 
-def _repaired(take: Take, robot: str) -> tuple[Take, list[Flaw]]:
-    """The take without whole turns and wrong samples; robot : whose joints it has, "": it has poses."""
-    take, turns = unwrapped(take, _robot(robot)) if robot else (take, [])
+def _repaired(take: Take, robot: Robot | None) -> tuple[Take, list[Flaw]]:
+    """The take without whole turns and wrong samples; robot : whose joints it has, None: it has poses."""
+    take, turns = unwrapped(take, robot) if robot else (take, [])
     take, found = repair_samples(take)
     return take, turns + found
 

@@ -17,14 +17,15 @@ from geodesic_motion_ros.demonstrations.take_folder import TakeFolder
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.utils.errors import DemonstrationError
 
-NAMES = Robot.named("panda").joint_names
+ROBOT = Robot.named("panda")
+NAMES = ROBOT.joint_names
 
 
 def motion(shift: float = 0.0, rest: int = 60, samples: int = 300) -> np.ndarray:
     """Configurations (T, 7) [rad] at 100 Hz: a standstill, a turn of 0.8 rad that ends `shift` further, a standstill.
     """
     share = np.concatenate([np.zeros(rest), 0.5 - 0.5 * np.cos(np.pi * np.linspace(0.0, 1.0, samples)), np.ones(rest)])
-    path = np.tile(Robot.named("panda").ready, (len(share), 1))
+    path = np.tile(ROBOT.ready, (len(share), 1))
     path[:, 0] += (0.8 + shift) * share - 0.4
     path[:, 3] += 0.2 * np.sin(np.pi * share)
     return path
@@ -57,7 +58,7 @@ def test_a_take_is_cut_to_its_motion_and_stated_in_one_line(tmp_path: Path) -> N
     path = motion(rest=200)
     assert folder.next_name == "take_001"
     line = folder.keep(received(path))
-    positions = np.array([Robot.named("panda").forward(row)[0] for row in path])
+    positions = np.array([ROBOT.forward(row)[0] for row in path])
     length = np.linalg.norm(np.diff(positions, axis=0), axis=1).sum()
     assert re.match(rf"kept take_001: [23]\.\d s, {length:.2f} m", line)
     assert "nearest other" not in line
@@ -78,8 +79,7 @@ def test_prefixed_joints_are_kept_under_the_names_of_the_robot(tmp_path: Path) -
 
 
 def test_distances_from_the_others_are_stated(folder: TakeFolder) -> None:
-    robot = Robot.named("panda")
-    ends = [robot.forward(motion(shift)[-1])[0] for shift in (0.04, 0.06)]
+    ends = [ROBOT.forward(motion(shift)[-1])[0] for shift in (0.04, 0.06)]
     line = folder.keep(received(motion(0.06)))
     assert f"ends {1e3 * np.linalg.norm(ends[1] - ends[0]):.0f} mm from the nearest other" in line
 
@@ -106,7 +106,7 @@ def jumping() -> np.ndarray:
     [
         (JointSamples(NAMES), "no message has panda_joint1"),
         (received(motion(), [*NAMES[:6], "other"]), "no message has panda_joint7; the joints there are 'panda_joint1"),
-        (received(np.tile(Robot.named("panda").ready, (200, 1))), "does not move"),
+        (received(np.tile(ROBOT.ready, (200, 1))), "does not move"),
         (received(jumping()), r"jumps, .* rad/s in panda_joint2: samples are lost, at .*too far for a straight line"),
         (received(motion(1.5)), "is of another task: ends"),
         (received(motion()[:180]), "is interrupted"),
