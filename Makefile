@@ -9,7 +9,7 @@ SHELL := /bin/bash
 PYTHON ?= python3.11 python3.12 python3.10 python3
 ARGS ?=
 # test/conftest.py says which tests a worker is handed, and in which order.
-workers := --numprocesses=auto --maxprocesses=2 --no-loadscope-reorder
+workers := --numprocesses=auto --maxprocesses=2 --dist=loadgroup --no-loadscope-reorder
 
 python := .venv/bin/python
 pytest := ROS_AUTOMATIC_DISCOVERY_RANGE=LOCALHOST ROS_PYTHON_CHECK_FIELDS=1 MPLBACKEND=Agg \

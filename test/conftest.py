@@ -47,29 +47,24 @@ os.environ["ROS_DOMAIN_ID"] = str(
 )
 
 
-#: Folders of tests that wait for nodes: one worker runs them all, while another computes.
-WAITING = ("test/integration/", "test/demo/", "test/studies/rates/", "test/studies/faults/")
-#: Begun with after those: the longest file.
+#: Begun with: the longest file.
 FIRST = "test/studies/benchmarks/test_run.py"
 #: Files that are locked, for want of others that all workers have: see `pytest_runtest_protocol`.
 DOOR, ROOM = Path(__file__), REPOSITORY / "pyproject.toml"
 
 
 def pytest_sessionstart() -> None:
-    """Compile what is missing for the settings of this run: `make` does it for those of the first one.
-
-    The first worker begins with WAITING; where cores are short the others, which compute, leave them to it.
-    """
-    if WORKER not in (None, "gw0"):
-        os.nice(5)
+    """Compile what is missing for the settings of this run: `make` does it for those of the first one."""
     compile_kernels()
 
 
+@pytest.hookimpl(tryfirst=True)
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Put WAITING first, which lasts longest together, and at its end what is of time itself; then FIRST."""
-    items.sort(
-        key=lambda item: (not item.nodeid.startswith(WAITING), not item.nodeid.startswith(FIRST), _is_of_time(item))
-    )
+    """Put FIRST first, and what is of time itself last, as one group for one worker."""
+    for item in items:
+        if _is_of_time(item):
+            item.add_marker(pytest.mark.xdist_group("realtime"))
+    items.sort(key=lambda item: (_is_of_time(item), not item.nodeid.startswith(FIRST)))
 
 
 def _is_of_time(item: pytest.Item) -> bool:
@@ -89,14 +84,14 @@ def pytest_runtest_protocol(item: pytest.Item) -> Iterator[object]:
 
 @pytest.hookimpl(optionalhook=True)
 def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Any:
-    """Hand every worker a file at a time, for what the tests of a file share is made once, or WAITING as a whole."""
-    from xdist.scheduler import LoadFileScheduling
+    """Hand every worker a file at a time, for what the tests of a file share is made once, or a group as a whole."""
+    from xdist.scheduler import LoadGroupScheduling
 
-    class Files(LoadFileScheduling):
+    class FilesAndGroups(LoadGroupScheduling):
         def _split_scope(self, nodeid: str) -> str:
-            return "waiting" if nodeid.startswith(WAITING) else super()._split_scope(nodeid)
+            return super()._split_scope(nodeid).split("::", 1)[0]
 
-    return Files(config, log)
+    return FilesAndGroups(config, log)
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:

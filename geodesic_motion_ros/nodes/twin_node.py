@@ -130,7 +130,7 @@ class TwinNode(LoopingNode):
         self._posture: tuple[np.ndarray | None, float] = None, 0.0
         self._command_lock = threading.Lock()
         self._commander = ""
-        self._commanded_at = self._deaf_until = -np.inf
+        self._commanded_at = self._deaf_until = self._quiet_until = -np.inf
         self._clock_offset = ClockOffset()
         self._time = NodeTime(self.get_clock())
         self._moment, self._patience = self._time.read(), _MAKING_UP
@@ -193,7 +193,8 @@ class TwinNode(LoopingNode):
         self._serve_mailbox()
         moment = self._moment = self._time.read()
         steps = self._take_steps(moment.running)
-        if moment.set_by != self._set_by:
+        was_set = moment.set_by != self._set_by
+        if was_set:
             self._set_by, self._clock_offset = moment.set_by, ClockOffset()
             self.world.hold()
         # what the steps arrive at is the state of now
@@ -206,8 +207,9 @@ class TwinNode(LoopingNode):
             self._step()
             made += 1
         for every, publish in self._schedule:
-            # a late tick makes several steps at once; what fell due among them is published once
-            if every and self._steps // every != (self._steps - made) // every:
+            # A late tick makes several steps at once; what fell due among them is published once. By a clock that was
+            # set, all that was published is of another time.
+            if every and (was_set or self._steps // every != (self._steps - made) // every):
                 publish()
 
     def _take_steps(self, running: float) -> int:
@@ -271,10 +273,10 @@ class TwinNode(LoopingNode):
                 raise MessageRefused(str(error)) from error
         if guard.reason:
             return
-        if command.topic != self._commander:
+        if command.topic != self._commander and now >= self._quiet_until:
+            self._quiet_until = now + _QUIET
             self.get_logger().info(
-                f"{command.topic} commands the arm from now on{self._commander and f', no longer {self._commander}'}",
-                throttle_duration_sec=_QUIET,
+                f"{command.topic} commands the arm from now on{self._commander and f', no longer {self._commander}'}"
             )
         self._commander, self._commanded_at = command.topic, now
 

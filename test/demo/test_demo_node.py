@@ -22,7 +22,6 @@ KEYS = {
     "rate_hz", "tick_ms_p50", "tick_ms_p99", "deadline_misses", "goal_error_mm", "goal_error_deg", "min_clearance_mm",
     "contacts",
 }  # fmt: skip
-PICTURES = {"latent.png", "paths.png", "strip.png", "arm.gif"}
 DOMAIN = int(os.environ["ROS_DOMAIN_ID"])
 GOAL = np.array([0.4, -0.3, 0.2, 1.0, 0.0, 0.0, 0.0])
 
@@ -206,15 +205,12 @@ def test_a_scene_that_does_not_exist_is_named(tmp_path: Path) -> None:
     assert errors.startswith("demo: config/scenes/nowhere.yaml is not shipped")
 
 
+@pytest.mark.realtime
 @pytest.mark.parametrize(
-    ("skill", "extra", "pictures"),
-    [(demo_options.SKILL, {"families"}, PICTURES), ("panda_pouring", set(), set())],
-    ids=["the elbow", "the hand"],
+    ("skill", "extra"), [(demo_options.SKILL, {"families"}), ("panda_pouring", set())], ids=["the elbow", "the hand"]
 )
-def test_the_demo_hits_without_avoidance_and_passes_with_it(
-    tmp_path: Path, skill: str, extra: set[str], pictures: set[str]
-) -> None:
-    process = demo_process(tmp_path, "--skill", skill, *([] if pictures else ["--no-pictures"]))
+def test_the_demo_hits_without_avoidance_and_passes_with_it(tmp_path: Path, skill: str, extra: set[str]) -> None:
+    process = demo_process(tmp_path, "--skill", skill, "--no-pictures")
     output, errors = process.communicate(timeout=280.0)
     summary = json.loads((tmp_path / "summary.json").read_text())
     runs = [run.key for run in demo_node.RUNS]
@@ -227,7 +223,7 @@ def test_the_demo_hits_without_avoidance_and_passes_with_it(
     assert summary["passed"], errors
     assert process.returncode == 0
     assert all(run.title in output for run in demo_node.RUNS)
-    assert {file.name for file in tmp_path.iterdir() if file.is_file()} == {"summary.json", *pictures}
+    assert {file.name for file in tmp_path.iterdir() if file.is_file()} == {"summary.json"}
 
 
 def running_with(text: str) -> list[int]:

@@ -62,7 +62,7 @@ class SteppedClock:
         self._publisher = probe.create_publisher(Clock, "/clock", 10)
         # Up to when each node has lived [ns], by the topic on which it answers; and the bench, whose timers have run.
         self._lived = {"": self.nanoseconds}
-        probe.create_timer(0.5 * STEP, self._live)
+        self._timer = probe.create_timer(0.5 * STEP, self._live)
 
     def _live(self) -> None:
         self._lived[""] = self._probe.get_clock().now().nanoseconds
@@ -74,6 +74,11 @@ class SteppedClock:
     def step(self) -> None:
         self.nanoseconds += round(1e9 * self.length)
         self.show()
+
+    def begin_anew(self) -> None:
+        """See from now on up to when the bench has lived: a clock was set, and its timer waits for a time of before."""
+        self._probe.destroy_timer(self._timer)
+        self._timer = self._probe.create_timer(0.5 * STEP, self._live)
 
     def follow(self, kind: type, topic: str) -> None:
         """Wait from now on for a node: by the stamps of these messages it is seen up to when it has lived."""
@@ -194,6 +199,12 @@ class Bench:
         timer = self.probe.create_timer(0.02, self.clock.show, clock=STEADY)
         self.poll(seen, "a node that knows the time")
         self.probe.destroy_timer(timer)
+
+    def set_clock(self, seconds: float) -> None:
+        """Set the nodes' clock [s], as a simulator does. Timers of before go on when their time comes again."""
+        self.clock.nanoseconds = set_to = round(1e9 * seconds)
+        self._show(lambda: self.probe.get_clock().now().nanoseconds == set_to)
+        self.clock.begin_anew()
 
     def now(self) -> float:
         """The time [s] of the nodes' clock."""

@@ -179,10 +179,7 @@ def test_a_machine_that_stands_still_for_a_moment_loses_no_goal(bench, options, 
 
 
 @pytest.mark.realtime
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM], ids=["SIGINT", "SIGTERM"])
-def test_two_processes_reach_the_goal_answer_plan_and_exit_cleanly(
-    bench, options, skill, start_joints, make_pose, number
-):
+def test_two_processes_reach_the_goal_answer_plan_and_exit_cleanly(bench, options, skill, start_joints, make_pose):
     watch(bench)
     processes = [
         bench.launch("twin_node", initial_joint_positions=start_joints.tolist()),
@@ -200,7 +197,7 @@ def test_two_processes_reach_the_goal_answer_plan_and_exit_cleanly(
     assert client.wait_for_service(PATIENCE)
     for _ in range(3):
         client.call_async(request)
-    for process in processes:
+    for process, number in zip(processes, (signal.SIGINT, signal.SIGTERM), strict=True):
         process.send_signal(number)
     for process in processes:
         _, errors = process.communicate(timeout=PATIENCE)

@@ -27,6 +27,7 @@ QUICK = {
 RUNS = 3
 
 
+@pytest.mark.realtime
 @pytest.mark.parametrize("skill", QUICK)
 def test_quick_faults_pass(tmp_path, skill: str) -> None:
     todo = [case for name, phase in QUICK[skill].items() for case in cases(chosen([name], False), [phase], [0])]

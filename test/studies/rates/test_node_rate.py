@@ -11,6 +11,7 @@ from geodesic_motion_ros.studies.rates import node_rate, reaction_time
 from geodesic_motion_ros.utils.errors import ParameterError
 
 
+@pytest.mark.realtime
 def test_every_stretch_is_measured_and_goals_and_spheres_really_move(tmp_path):
     domain = int(os.environ["ROS_DOMAIN_ID"])
     rows = node_rate.measure_rates("panda_pouring", tmp_path, (50.0,), seconds=2.5, obstacles=3, domain=domain)
@@ -30,6 +31,7 @@ def test_every_stretch_is_measured_and_goals_and_spheres_really_move(tmp_path):
     assert asdict(stays)["verdicts"] == stays.verdicts
 
 
+@pytest.mark.realtime
 def test_the_papers_planner_moves_a_twin_in_both_spaces(tmp_path):
     rows = node_rate.measure_paper(tmp_path, 50.0, seconds=2.0, domain=int(os.environ["ROS_DOMAIN_ID"]))
     assert [row.name.split(":")[0] for row in rows] == ["paper_pouring"] * 2 + ["paper_reach"] * 2
@@ -40,6 +42,7 @@ def test_the_papers_planner_moves_a_twin_in_both_spaces(tmp_path):
         assert 0.0 < row.exact_percent <= 100.0
 
 
+@pytest.mark.realtime
 def test_answers_to_spheres_are_timed(tmp_path):
     domain = int(os.environ["ROS_DOMAIN_ID"])
     (row,) = reaction_time.measure_reaction("panda_reach_to_grasp", tmp_path, spheres=3, domain=domain)
