@@ -106,24 +106,51 @@ def _chosen(
     greedy algorithms", 1978).
     """
     gains = np.full(len(centres), np.iinfo(np.int64).max)
-    bare = np.ones(len(sizes), dtype=np.bool_)
+    # what is still bare: triangles with their sizes, and points with theirs, by columns: several are looked at at once
+    faces, areas = corner_of, sizes[: len(corner_of)]
+    places, worths = points.T.copy(), sizes[len(corner_of) :]
+    at, holds = corners.T.copy(), np.empty(len(corners), dtype=np.bool_)
     taken = np.empty(len(sizes), dtype=np.int64)
     count = 0
-    while np.any(bare):
-        best, most = -1, 0
+    while len(areas) + len(worths) > 0:
+        best, most, rest = -1, 0, np.sum(worths)
         for number in np.argsort(-gains, kind="mergesort"):
             if gains[number] < max(most, 1):
                 break
-            held = _reaches(centres[number], corners, corner_of, points) <= radii[number]
-            gains[number] = np.sum(sizes[held & bare])
-            if gains[number] > most or (gains[number] == most > 0 and radii[number] < radii[best] - SAME_RADIUS):
-                best, most = number, gains[number]
+            _hold(centres[number], radii[number], at, holds)
+            gain = 0
+            for i in range(len(areas)):
+                if holds[faces[i, 0]] and holds[faces[i, 1]] and holds[faces[i, 2]]:
+                    gain += areas[i]
+            if gain + rest < most:  # it cannot be the best: a bound of its gain is enough
+                gains[number] = gain + rest
+                continue
+            inside = np.empty(len(worths), dtype=np.bool_)
+            _hold(centres[number], radii[number], places, inside)
+            for i in range(len(worths)):
+                gain += worths[i] if inside[i] else 0
+            gains[number] = gain
+            if gain > most or (gain == most > 0 and radii[number] < radii[best] - SAME_RADIUS):
+                best, most = number, gain
         if best < 0:
             return taken[:count], False
         taken[count] = best
         count += 1
-        bare &= _reaches(centres[best], corners, corner_of, points) > radii[best]
+        _hold(centres[best], radii[best], at, holds)
+        bare = np.array([not (holds[one] and holds[two] and holds[three]) for one, two, three in faces])
+        faces, areas = faces[bare], areas[bare]
+        inside = np.empty(len(worths), dtype=np.bool_)
+        _hold(centres[best], radii[best], places, inside)
+        places, worths = places[:, ~inside], worths[~inside]
     return taken[:count], True
+
+
+@numba.njit(cache=True, nogil=True)
+def _hold(centre: np.ndarray, radius: float, places: np.ndarray, held: np.ndarray) -> None:
+    """Fill in which (n,) of places, columns (3, n), a sphere holds."""
+    for i in range(len(held)):
+        x, y, z = centre[0] - places[0, i], centre[1] - places[1, i], centre[2] - places[2, i]
+        held[i] = math.sqrt(x * x + y * y + z * z) <= radius
 
 
 def _grid(vertices: np.ndarray, spacing: float) -> np.ndarray:

@@ -72,8 +72,9 @@ def test_paths_there_are_the_cheapest(planner) -> None:
     """Dijkstra's algorithm, without a heuristic, finds the same."""
     paths, _, _, query = found(planner, 0.03)
     for path in paths:
+        source, target = path.nodes[[0, -1]].tolist()
         nodes, _, _ = shortest_free_path(
-            planner.graph.adjacency, query.graph.base, np.zeros_like(query.to_goal), int(path.nodes[0]), int(path.nodes[-1])
+            planner.graph.adjacency, query.graph.base, np.zeros_like(query.to_goal), source, target
         )
         np.testing.assert_array_equal(path.nodes, nodes)
 

@@ -44,7 +44,7 @@ def test_between_two_tines_nothing_is_filled() -> None:
     assert held(parts, np.array([[0.5, 0.5, 2.5], [2.5, 0.5, 2.5], [1.5, 0.5, 0.5]])).all()
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=10, deadline=None)
 @given(st.integers(0, 2**32 - 1))
 def test_the_parts_hold_all_of_the_body(seed: int) -> None:
     """Of bodies of overlapping boxes, turned: within, where cuts across several axes meet, as on the surface."""

@@ -62,7 +62,7 @@ def test_the_arm_stays_inside_its_limits_and_touches_nothing(either: Shown) -> N
 
 
 def test_the_same_seed_gives_the_same_arrays_and_another_seed_others() -> None:
-    first, again, other = (teacher.multi_goal_demonstrations(2, seed) for seed in (7, 7, 8))
+    first, again, other = (teacher.multi_goal_demonstrations(1, seed) for seed in (7, 7, 8))
     for before, after in zip(first, again, strict=True):
         np.testing.assert_array_equal(before.positions, after.positions)
         np.testing.assert_array_equal(before.quaternions, after.quaternions)
