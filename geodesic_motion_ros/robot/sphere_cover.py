@@ -106,28 +106,27 @@ def _chosen(
     greedy algorithms", 1978).
     """
     gains = np.full(len(centres), np.iinfo(np.int64).max)
-    # what is still bare: triangles with their sizes, and points with theirs, by columns: several are looked at at once
-    faces, areas = corner_of, sizes[: len(corner_of)]
-    places, worths = points.T.copy(), sizes[len(corner_of) :]
-    at, holds = corners.T.copy(), np.empty(len(corners), dtype=np.bool_)
+    # what is still bare stands first: triangles with their sizes, and points, by columns, with theirs
+    faces, areas = corner_of.copy(), sizes[: len(corner_of)].copy()
+    places, worths = points.T.copy(), sizes[len(corner_of) :].copy()
+    at, holds, inside = corners.T.copy(), np.empty(len(corners), np.bool_), np.empty(len(points), np.bool_)
     taken = np.empty(len(sizes), dtype=np.int64)
-    count = 0
-    while len(areas) + len(worths) > 0:
-        best, most, rest = -1, 0, np.sum(worths)
+    count, triangles, others = 0, len(areas), len(worths)
+    while triangles + others > 0:
+        best, most, rest = -1, 0, np.sum(worths[:others])
         for number in np.argsort(-gains, kind="mergesort"):
             if gains[number] < max(most, 1):
                 break
-            _hold(centres[number], radii[number], at, holds)
+            _hold(centres[number], radii[number], at, len(holds), holds)
             gain = 0
-            for i in range(len(areas)):
+            for i in range(triangles):
                 if holds[faces[i, 0]] and holds[faces[i, 1]] and holds[faces[i, 2]]:
                     gain += areas[i]
             if gain + rest < most:  # it cannot be the best: a bound of its gain is enough
                 gains[number] = gain + rest
                 continue
-            inside = np.empty(len(worths), dtype=np.bool_)
-            _hold(centres[number], radii[number], places, inside)
-            for i in range(len(worths)):
+            _hold(centres[number], radii[number], places, others, inside)
+            for i in range(others):
                 gain += worths[i] if inside[i] else 0
             gains[number] = gain
             if gain > most or (gain == most > 0 and radii[number] < radii[best] - SAME_RADIUS):
@@ -136,19 +135,31 @@ def _chosen(
             return taken[:count], False
         taken[count] = best
         count += 1
-        _hold(centres[best], radii[best], at, holds)
-        bare = np.array([not (holds[one] and holds[two] and holds[three]) for one, two, three in faces])
-        faces, areas = faces[bare], areas[bare]
-        inside = np.empty(len(worths), dtype=np.bool_)
-        _hold(centres[best], radii[best], places, inside)
-        places, worths = places[:, ~inside], worths[~inside]
+        _hold(centres[best], radii[best], at, len(holds), holds)
+        left = 0
+        for i in range(triangles):
+            if not (holds[faces[i, 0]] and holds[faces[i, 1]] and holds[faces[i, 2]]):
+                areas[left] = areas[i]
+                for k in range(3):
+                    faces[left, k] = faces[i, k]
+                left += 1
+        triangles = left
+        _hold(centres[best], radii[best], places, others, inside)
+        left = 0
+        for i in range(others):
+            if not inside[i]:
+                worths[left] = worths[i]
+                for k in range(3):
+                    places[k, left] = places[k, i]
+                left += 1
+        others = left
     return taken[:count], True
 
 
 @numba.njit(cache=True, nogil=True)
-def _hold(centre: np.ndarray, radius: float, places: np.ndarray, held: np.ndarray) -> None:
-    """Fill in which (n,) of places, columns (3, n), a sphere holds."""
-    for i in range(len(held)):
+def _hold(centre: np.ndarray, radius: float, places: np.ndarray, count: int, held: np.ndarray) -> None:
+    """Fill in which of the first `count` places, columns (3, n), a sphere holds."""
+    for i in range(count):
         x, y, z = centre[0] - places[0, i], centre[1] - places[1, i], centre[2] - places[2, i]
         held[i] = math.sqrt(x * x + y * y + z * z) <= radius
 
