@@ -369,7 +369,7 @@ def hostile_skills(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
 
 
 @pytest.mark.parametrize("kind", SKILLS)
-def test_a_hostile_skill_is_refused_in_one_line_with_file_and_field(hostile_skills, kind, capsys) -> None:
+def test_a_hostile_skill_is_refused_in_one_line_with_file_and_field(hostile_skills, kind) -> None:
     _, _, file, words = SKILLS[kind]
     with pytest.raises(SkillError) as refused:
         Skill.load(hostile_skills[kind])
@@ -379,6 +379,13 @@ def test_a_hostile_skill_is_refused_in_one_line_with_file_and_field(hostile_skil
     assert words in said
     assert len(said.splitlines()) == 1
     assert len(said) < 1000
+
+
+@pytest.mark.parametrize("kind", [*SKILLS][::15])
+def test_a_command_says_in_one_line_why_a_hostile_skill_is_refused(hostile_skills, kind, capsys) -> None:
+    with pytest.raises(SkillError) as refused:
+        Skill.load(hostile_skills[kind])
+    said = str(refused.value)
     assert main(["inspect", str(hostile_skills[kind])]) == 2
     assert capsys.readouterr().err == f"geodesic-motion: {' '.join(said.split())}\n"
 
@@ -469,21 +476,32 @@ def hostile_recordings(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Pa
     return files
 
 
-@pytest.mark.parametrize("kind", RECORDINGS)
-def test_a_hostile_recording_is_refused_in_one_line_with_the_place(hostile_recordings, kind, tmp_path, capsys) -> None:
-    file, (_, _, words) = hostile_recordings[kind], RECORDINGS[kind]
-    of_joints = kind.startswith("joints: ")
+def refusal(file: Path, of_joints: bool) -> str:
+    """Why a recording is refused, which it must be."""
     with pytest.raises(DemonstrationError) as refused:
         read_joint_demonstrations(file, "panda") if of_joints else read_demonstrations(file, "m")
-    said = str(refused.value)
-    assert said.startswith(str(file))
-    assert words in said
+    return str(refused.value)
+
+
+@pytest.mark.parametrize("kind", RECORDINGS)
+def test_a_hostile_recording_is_refused_in_one_line_with_the_place(hostile_recordings, kind) -> None:
+    said = refusal(hostile_recordings[kind], kind.startswith("joints: "))
+    assert said.startswith(str(hostile_recordings[kind]))
+    assert RECORDINGS[kind][2] in said
     assert len(said.splitlines()) == 1
     assert len(said) < 1000
     assert "allow_pickle" not in said
+
+
+@pytest.mark.parametrize("kind", [*[*RECORDINGS][::10], "joints: a bomb"])
+def test_a_command_says_in_one_line_why_a_hostile_recording_is_refused(
+    hostile_recordings, kind, tmp_path, capsys
+) -> None:
+    file, of_joints = hostile_recordings[kind], kind.startswith("joints: ")
     options = ["--space", "joint"] if of_joints else ["--space", "task", "--units", "m"]
     assert main(["train", "--demos", str(file), "--out", str(tmp_path / "skill"), *options]) == 2
-    assert capsys.readouterr().err == f"geodesic-motion: {' '.join(said.split())}\n"
+    said = " ".join(refusal(file, of_joints).split())
+    assert capsys.readouterr().err == f"geodesic-motion: {said}\n"
 
 
 @pytest.mark.parametrize("kind", RECORDINGS)
