@@ -21,7 +21,9 @@ from geodesic_motion_ros.demonstrations.readers import holds_joints, read_demons
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.skill.skill import Skill
 from geodesic_motion_ros.studies.cli import main
-from geodesic_motion_ros.utils.errors import DemonstrationError, SkillError
+from geodesic_motion_ros.utils import checked_files
+from geodesic_motion_ros.utils.checked_files import DEEPEST, read_yaml
+from geodesic_motion_ros.utils.errors import DemonstrationError, FileError, SkillError
 
 MODELS = Path(__file__).resolve().parents[2] / "models"
 DESCRIPTION, WEIGHTS, LATENT = "skill.yaml", "weights.safetensors", "latent.npz"
@@ -405,6 +407,23 @@ def test_a_list_that_stands_twice_in_a_skill_is_read_again(tmp_path) -> None:
 def test_a_folder_whose_name_is_too_long_is_refused() -> None:
     with pytest.raises(SkillError, match="cannot be opened"):
         Skill.load("a" * 5000)
+
+
+@pytest.mark.parametrize("loader", [yaml.SafeLoader, getattr(yaml, "CSafeLoader", yaml.SafeLoader)])
+def test_yaml_is_read_alike_with_libyaml_and_without(loader: type, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(checked_files, "_SAFE_LOADER", loader)
+    values = {"a": [1, 2.5, True, None, "x y"], "b": {"c": {}, 3: "4"}}
+    assert read_yaml(yaml.safe_dump(values).encode()) == values
+    deepest = b"[" * DEEPEST + b"]" * DEEPEST
+    assert read_yaml(deepest) == [[[[[[[[[[[[[[[[[[[[]]]]]]]]]]]]]]]]]]]]
+    refused = {
+        b"a:\n  b: &x 1": "line 2: has an anchor", b"- *x": "line 1: has an anchor", b"- !!str 1": "line 1: has an",
+        b"[" + deepest + b"]": "line 1: lists and tables are nested", b"a: b: c": "is no readable YAML",
+        b"\xff": "is no readable YAML",
+    }  # fmt: skip
+    for content, words in refused.items():
+        with pytest.raises(FileError, match=words):
+            read_yaml(content)
 
 
 # ---------------------------------------------------------------- recordings
