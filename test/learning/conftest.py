@@ -19,6 +19,9 @@ QUICK = TrainingSettings(
     sheet="raw", steps=1600, samples=60, batch=128, hidden=(60, 40), kernels=120, precision_iterations=60
 )
 
+#: Steps where each orientation is learned on one side of the sphere alone: errors are then an eighth of the bounds.
+FEWER = 800
+
 
 def bend(name: str, offset: np.ndarray, samples: int = 150) -> Demonstration:
     """A J-shaped motion of about half a metre whose tool turns by 100 degrees."""
@@ -50,13 +53,14 @@ def trained_skill(demonstrations):
 
 @pytest.fixture(scope="session")
 def canonical_skill(demonstrations):
-    settings = replace(QUICK, sheet="canonical", orientation_model=None, precision_samples=2)
+    settings = replace(QUICK, steps=FEWER, sheet="canonical", orientation_model=None, precision_samples=2)
     return train_task_space_skill(demonstrations, settings, name="bend")
 
 
 @pytest.fixture(scope="session")
 def sign_blind_skill(demonstrations):
-    return train_task_space_skill(demonstrations, replace(QUICK, orientation_model="sign_blind"), name="bend")
+    settings = replace(QUICK, steps=FEWER, orientation_model="sign_blind")
+    return train_task_space_skill(demonstrations, settings, name="bend")
 
 
 @pytest.fixture(scope="session")
