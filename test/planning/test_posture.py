@@ -118,7 +118,7 @@ def test_what_cannot_be_reached_is_named_with_its_place_and_reason() -> None:
     positions, quaternions, start = line(PANDA, 1.2, 200)
     assert "it does not reach the poses" in solve_path(PANDA, positions, quaternions, start).objection(PANDA)
     twisted = np.linspace(0.0, 4.0, 200)[:, None] * np.eye(7)[6] + PANDA.ready
-    path = solve_path(PANDA, *poses_of(PANDA, twisted), PANDA.ready)
+    path = solve_path(PANDA, *poses_of(PANDA, twisted), PANDA.ready.copy())
     objection = path.objection(PANDA)
     assert "the arm cannot hold the path from" in objection
     assert "limit of joint 'panda_joint" in objection

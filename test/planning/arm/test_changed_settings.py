@@ -154,7 +154,7 @@ def test_a_stop_while_it_slows_down_is_one_within_the_limits_from_before(stream,
     stream.run(0.05)
     assert planner.played_limits is not planner.limits
     planner.clear_goal()
-    plan = stream.run(0.01)[0]
+    plan = stream.run(stream.period)[0]
     assert plan.verdict.code is VerdictCode.NO_GOAL
     assert plan.reference.keeps(before)
     # It takes what a stop takes at that speed, not what one within the lower limits would take.
@@ -171,9 +171,9 @@ def test_where_the_slower_arm_would_be_met_it_does_not_go_on_along_its_path(stre
     velocity = np.array([-0.3, 0.0, 0.0])
     here = planner.robot.forward(planner.commanded(stream.now)[0])[0]
     planner.set_obstacles((here - 1.2 * velocity)[None], np.array([0.05]), velocity[None], stream.now)
-    assert stream.run(0.01)[0].verdict.ok  # the control: as fast as before it is not met
+    assert stream.run(stream.period)[0].verdict.ok  # the control: as fast as before it is not met
     assert planner.change_settings(speed_scale=0.01).ok
-    plan = stream.run(0.01)[0]
+    plan = stream.run(stream.period)[0]
     assert plan.verdict.code is VerdictCode.NO_FEASIBLE_PATH
     assert "slowed down on its path it would meet what moves" in plan.verdict.reason
     stream.run(1.0)
@@ -191,7 +191,7 @@ def test_a_larger_position_error_counts_in_the_next_tick(stream, nominal, covere
     assert 0.02 < clearance < 0.5
     error = clearance + (0.02 if covered else -0.01)
     assert planner.change_settings(obstacle_position_error=error).ok
-    plan = stream.run(0.01)[0]
+    plan = stream.run(stream.period)[0]
     if covered:
         # It stops, or goes another path.
         assert plan.reference is not None
