@@ -114,9 +114,11 @@ def _soft_argmin(
         for k in range(len(centres)):
             total, weighted = 0.0, 0.0
             for s in range(samples):
-                squared = _squared(latent, i, centres, precisions, k, s)
-                weight = np.exp(-(squared - smallest[i, k]) / temperature)
-                total += weight
-                weighted += weight * s
+                exponent = (_squared(latent, i, centres, precisions, k, s) - smallest[i, k]) / temperature
+                # Below exp(-40) it is below the rounding of the sum, which is about 1 or more.
+                if exponent < 40.0:
+                    weight = np.exp(-exponent)
+                    total += weight
+                    weighted += weight * s
             progress[i, k] = weighted / (total * (samples - 1))
     return progress
