@@ -24,14 +24,14 @@ from geodesic_motion_ros.planning.settings import PlannerSettings
 from geodesic_motion_ros.planning.status import Verdict, VerdictCode
 from geodesic_motion_ros.robot.limits import JointLimits
 from geodesic_motion_ros.trajectory.limited_tool import LimitedTool
-from geodesic_motion_ros.trajectory.stopping import keeps_all, slowed_reference, stopping_reference
+from geodesic_motion_ros.trajectory.stopping import keeps_all, leaving_stop, slowed_reference, stopping_reference
 from geodesic_motion_ros.trajectory.trajectory import JointReference
 from geodesic_motion_ros.utils.deadline import NEVER, Deadline
 
 
 @dataclass(frozen=True)
 class Stop:
-    """The soonest stop of an arm along the trajectory that it plays.
+    """A stop of an arm from the trajectory that it plays.
 
     swept : where the stop takes the arm, until it stands. certificate : of the stop, and of the arm that stands at its
         end for the prediction.
@@ -95,11 +95,33 @@ class Situation:
     @cached_property
     def stop(self) -> Stop:
         """The soonest stop along what is being played from then on."""
-        reference = self._stopping(self.played, self.state.time, self._played_limits)
-        swept = self.certifier.swept(reference)
-        prediction = self.settings.prediction
-        certificate = self.certifier.certify_swept(swept.lasting(prediction), self.expected, prediction)
-        return Stop(reference, swept, certificate)
+        return self._certified_stop(self._stopping(self.played, self.state.time, self._played_limits))
+
+    @cached_property
+    def widest_stop(self) -> Stop:
+        """The soonest stop along what is being played; where an obstacle meets the arm before that is over, the sooner
+        one that leaves the path, where the arm is met less deep on it, and neither by itself nor by the scene.
+        """
+        along = self.stop
+        if not self.settings.avoidance or self._clearance_while_stopping(along.swept) >= 0.0:
+            return along
+        reference = leaving_stop(self.played.reference, self.state.time - self.played.begin, self._played_limits)
+        if reference is None:
+            return along
+        leaving = self._certified_stop(reference)
+        wider = self._clearance_while_stopping(leaving.swept) > self._clearance_while_stopping(along.swept)
+        return leaving if wider and self.certifier.objection(leaving.certificate, -math.inf) is None else along
+
+    def _clearance_while_stopping(self, swept: SweptArm) -> float:
+        """Least clearance [m] of a stop until the one along the path would be over."""
+        over = self.stop.reference.duration
+        return float(np.min(self.certifier.certify_swept(swept.lasting(over), self.expected, over).clearance))
+
+    def _certified_stop(self, reference: JointReference) -> Stop:
+        swept, prediction = self.certifier.swept(reference), self.settings.prediction
+        return Stop(
+            reference, swept, self.certifier.certify_swept(swept.lasting(prediction), self.expected, prediction)
+        )
 
     @property
     def _played_limits(self) -> JointLimits:
@@ -288,11 +310,12 @@ class Situation:
         followed = followed or self.followed
         if followed is None or followed.purpose is Purpose.STOP or self.at_rest:
             return self.answered(verdict, followed)
-        certificate = self.stop.certificate
+        stop = self.widest_stop
+        certificate = stop.certificate
         objection = self.certifier.objection(certificate)
         verdict = replace(verdict, clearance=float(np.min(certificate.clearance)))
         if objection is not None and self.settings.avoidance:
             verdict = replace(verdict, reason=f"{verdict.reason}; while stopping, {objection}")
-        plan = Plan(self.certifier.judged(self.stop.reference, certificate), self.state.time, verdict)
+        plan = Plan(self.certifier.judged(stop.reference, certificate), self.state.time, verdict)
         begun = Followed.begun(followed.query, plan, self.obstacles, self.now, Purpose.STOP)
         return self.handed_out(plan, begun, followed)

@@ -59,9 +59,20 @@ def stopping_reference(
             halt = _passed(going, law, law.end + width, period)
             if halt.keeps(limits):
                 return halt
+    return leaving_stop(reference, time, limits, period) or going
+
+
+def leaving_stop(
+    reference: JointReference, time: float, limits: JointLimits, period: float = PERIOD
+) -> JointReference | None:
+    """The soonest stop from `time` [s] of a reference on, which leaves its path; None where that does not keep the
+    limits, or takes longer than to go on.
+    """
+    going = reference.rest(time)
     bridge = bridge_to_rest(*going.sample(0.0), limits, period)
-    bridge = replace(bridge, latent=np.repeat(going.latent[:1], len(bridge.times), axis=0))
-    return bridge if bridge.keeps(limits) and bridge.duration < going.duration else going
+    if not bridge.keeps(limits) or bridge.duration >= going.duration:
+        return None
+    return replace(bridge, latent=np.repeat(going.latent[:1], len(bridge.times), axis=0))
 
 
 def slowed_reference(

@@ -172,6 +172,31 @@ def test_a_stop_keeps_to_the_path_and_is_handed_out_once() -> None:
     assert stopped(stream, at(stream, 0.52)).trajectory is None
 
 
+@pytest.mark.parametrize("share", [0.3, 0.5, 0.7])
+def test_a_stop_that_is_met_is_the_sooner_one_where_that_is_met_less_deep(share: float) -> None:
+    """Of an obstacle that appears where the arm would come to stand. The control comes from behind, and is met deeper
+    by an arm that stands sooner: the stop keeps to the path, as it does where nothing is met.
+    """
+    stream = going()
+    now = share * stream.played.reference.duration
+    along = at(stream, now).stop.reference
+    assert at(stream, now).widest_stop.reference.duration == along.duration
+    ahead = at(stream, now, ball(along.positions[-1], radius=0.03))
+    chosen = ahead.widest_stop
+    assert chosen.reference.duration < along.duration
+    assert chosen.reference.keeps(LIMITS)
+    assert np.min(chosen.certificate.clearance) > np.min(ahead.stop.certificate.clearance)
+    assert np.min(ahead.stop.certificate.clearance) < 0.0
+    (before, _), (after, _) = (ROBOT.forward(along.sample(time)[0]) for time in (0.0, 0.01))
+    velocity = 100.0 * (after - before)
+    behind = at(stream, now, replace(ball(along.positions[0] - 0.2 * TURN, 0.5 * velocity), time=now))
+    assert np.min(behind.stop.certificate.clearance) < 0.0
+    assert behind.widest_stop.reference.duration == along.duration
+    plan = stopped(stream, ahead)
+    assert plan.verdict.clearance == np.min(chosen.certificate.clearance)
+    np.testing.assert_allclose(plan.reference.positions[-1], chosen.reference.positions[-1], atol=1e-12)
+
+
 def test_a_stop_states_what_is_met_while_stopping_and_its_certificate_is_honest() -> None:
     met = ball(ROBOT.ready + 0.35 * TURN)
     stream = going()

@@ -6,7 +6,7 @@ import numpy as np
 
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.robot.limits import JointLimits
-from geodesic_motion_ros.trajectory.stopping import bridge_to_rest, stopping_reference
+from geodesic_motion_ros.trajectory.stopping import bridge_to_rest, leaving_stop, stopping_reference
 from geodesic_motion_ros.trajectory.timing import timed_joint_reference
 from geodesic_motion_ros.trajectory.trajectory import PERIOD
 
@@ -70,3 +70,19 @@ def test_every_state_of_motion_can_be_bridged_to_rest(motions):
             assert least - 1e-9 <= bridge.duration <= least + 0.02
             durations.append(bridge.duration)
     assert max(durations) > 0.15
+
+
+def test_a_stop_that_leaves_the_path_is_no_later_than_one_along_it_and_none_where_the_motion_is_over_as_soon(motions):
+    sooner = []
+    for random, reference in motions.references(30, seed=5):
+        time = random.uniform(0.0, 0.9) * reference.duration
+        along, leaving = (stop(reference, time, LIMITS) for stop in (stopping_reference, leaving_stop))
+        assert leaving is not None
+        assert leaving.keeps(LIMITS)
+        assert leaving.latent.shape == (len(leaving.times), reference.latent.shape[1])
+        for value, wanted in zip(leaving.sample(0.0), reference.sample(time), strict=True):
+            np.testing.assert_allclose(value, wanted, atol=1e-9)
+        sooner.append(along.duration - leaving.duration)
+        assert leaving_stop(reference, reference.duration - 1e-3, LIMITS) is None
+    assert min(sooner) > -0.02
+    assert max(sooner) > 0.05

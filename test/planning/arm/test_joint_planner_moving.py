@@ -278,8 +278,18 @@ def test_what_stops_before_it_has_passed_is_not_touched(counting_on_it, shown) -
 
 
 def test_an_arm_that_counts_on_what_moves_to_move_on_touches_what_stops(counting_on_it, monkeypatch) -> None:
+    """And stops along its path alone."""
     monkeypatch.setattr(Situation, "leaves_a_stop", lambda *_: True)
+    monkeypatch.setattr(Situation, "widest_stop", property(lambda situation: situation.stop))
     assert stopping_sphere(counting_on_it, 1.2) < 0.0
+
+
+def test_a_stop_that_leaves_the_path_comes_to_rest_before_what_the_other_one_would_meet(
+    counting_on_it, monkeypatch
+) -> None:
+    """The control is the test above."""
+    monkeypatch.setattr(Situation, "leaves_a_stop", lambda *_: True)
+    assert stopping_sphere(counting_on_it, 1.2) > 0.0
 
 
 def test_stopping_for_a_reason_ends_at_rest_and_the_next_tick_goes_on(stream, nominal, goal) -> None:
