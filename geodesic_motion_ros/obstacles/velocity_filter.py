@@ -123,12 +123,13 @@ class ObstacleMotion:
     @property
     def error(self) -> float:
         """Bound of the error of the velocity [m/s]: of the line, and by how it has changed in the last two seconds."""
-        return self._velocity_error + (self._history.error(self.velocity, self.noise.deviation) if self.moves else 0.0)
+        stands = not any(self.velocity)
+        return self._velocity_error + (0.0 if stands else self._history.error(self.velocity, self.noise.deviation))
 
     @property
     def bounds(self) -> VelocityBounds:
         """`error`, in two parts where the velocity has changed along its direction alone."""
-        if not self.moves:
+        if not any(self.velocity):
             return VelocityBounds(0.0, self._velocity_error)
         along, across = self._history.bounds(self.velocity, self.noise.deviation)
         return VelocityBounds(along, across + self._velocity_error)

@@ -2,7 +2,8 @@
 
 An obstacle that moves straight on is expected to go on so. One that has turned, started or changed its speed may do so
 again, and meet an arm that passes it on its straight line: in the prediction it is enlarged with time, by a multiple of
-what its velocity has changed, and no faster than it moves. One that has sped up or slowed down on a straight line may
+what its velocity has changed, and no faster than it has moved of late. So is one that was seen for the first time a
+moment ago: how it turns is not known before. One that has sped up or slowed down on a straight line may
 do so again, but hardly leaves the line: it is expected at several velocities along it, and enlarged by less, so that an
 arm finds room beside the line. Changes that may come from noise of the detected positions do not count. One that begins
 to move, or turns for the first time, or stops for a moment, is not foreseen.
@@ -43,7 +44,7 @@ class VelocityBounds(NamedTuple):
         count = max(1, min(math.ceil(self.along / max(self.across, APART)), most))
         half = self.along / count
         factors = (1.0 + half * (2 * i + 1 - count) / speed for i in range(count))
-        error = min(math.hypot(half, self.across), speed)
+        error = math.hypot(half, self.across)
         return [((f * velocity[0], f * velocity[1], f * velocity[2]), error) for f in factors]
 
 
@@ -61,9 +62,15 @@ class VelocityHistory:
         # The newest four positions, and of every four in a row when they begin, and the mean velocity over them.
         self._positions: deque[tuple[float, Vector]] = deque(maxlen=4)
         self._means: deque[tuple[float, Vector]] = deque()
+        # The newest position of all, and the velocity from the one before to it.
+        self._newest: tuple[float, Vector] | None = None
+        self._at_last: Vector = (0.0, 0.0, 0.0)
 
     def see(self, position: Vector, time: float) -> None:
         """Take a position (3,) [m] at a time [s] that is not before the last."""
+        if self._newest is not None and time > self._newest[0]:
+            self._at_last = _velocity(self._newest[1], position, time - self._newest[0])
+        self._newest = time, position
         positions = self._positions
         if positions and time < positions[-1][0] + INTERVAL - 1e-6:
             return
@@ -77,13 +84,21 @@ class VelocityHistory:
     def error(self, velocity: Vector, noise: float = 0.0) -> float:
         """Bound e [m/s] of the error of the present velocity v (3,) [m/s] in a prediction.
 
-        e = min(CHANGE_FACTOR max(0, c - NOISE_FACTOR noise), |v|), where c is the largest distance of v from its means
-        over three intervals within the memory. An estimate, no guarantee: who stands may start.
+        e = min(CHANGE_FACTOR max(0, c - NOISE_FACTOR noise), f), where c is the largest distance of v from its means
+        over three intervals within the memory, and f the fastest that the obstacle has been then: where it turns back
+        its velocity is next to none, and changes most. Before there is a mean nothing is known of c, and e = f. An
+        estimate, no guarantee: who stands may start.
 
         noise : standard deviation of a position in each axis [m].
         """
-        change = max((math.dist(mean, velocity) for _, mean in self._means), default=0.0)
-        return min(CHANGE_FACTOR * max(0.0, change - NOISE_FACTOR * noise), math.hypot(*velocity))
+        change = max((math.dist(mean, velocity) for _, mean in self._means), default=math.inf)
+        return self._bounded(change, velocity, noise)
+
+    def _bounded(self, change: float, velocity: Vector, noise: float) -> float:
+        # The last two detections show a new speed at once, where they are exact.
+        last = math.hypot(*self._at_last) if noise == 0.0 else 0.0
+        fastest = max(math.hypot(*velocity), last, *(math.hypot(*mean) for _, mean in self._means))
+        return min(CHANGE_FACTOR * max(0.0, change - NOISE_FACTOR * noise), fastest)
 
     def bounds(self, velocity: Vector, noise: float = 0.0) -> VelocityBounds:
         """`error` in two parts: along the present velocity, where it is its speed that has changed, and across it. Each
@@ -95,7 +110,7 @@ class VelocityHistory:
             change = velocity[0] - mean[0], velocity[1] - mean[1], velocity[2] - mean[2]
             part = abs(sum(c * v for c, v in zip(change, velocity, strict=True))) / speed
             along, across = max(along, part), max(across, math.sqrt(max(0.0, math.hypot(*change) ** 2 - part**2)))
-        along, across = (min(CHANGE_FACTOR * max(0.0, c - NOISE_FACTOR * noise), speed) for c in (along, across))
+        along, across = (self._bounded(change, velocity, noise) for change in (along, across))
         if along <= 2.0 * max(across, APART):
             return VelocityBounds(0.0, self.error(velocity, noise))
         return VelocityBounds(along, across)

@@ -159,6 +159,51 @@ def _inside(seen: ObstacleSet, passed: float, point: np.ndarray) -> bool:
     return bool(np.any(gaps <= seen.radii + passed * seen.velocity_errors))
 
 
+@pytest.mark.parametrize("radius", [0.0, 0.15])
+def test_what_moves_to_and_fro_is_expected_back_where_it_turns(radius: float) -> None:
+    """On a line, and on a circle: from half a period on, all that follows within 0.4 s is covered. The control is no
+    faster in the prediction than it is now, which is next to nothing where it turns.
+    """
+    tracker, missed, ahead = ObstacleTracker(), 0, np.linspace(0.0, 0.4, 9)
+    swing = lambda at: np.array([0.15 * np.sin(3.0 * at), radius * np.cos(3.0 * at), 0.0])  # noqa: E731
+    for time in np.arange(0.0, 5.0, 1.0 / RATE):
+        tracker.put("obstacles", KEY, swing(time), 0.01, now=time)
+        if time < np.pi / 3.0:
+            continue
+        seen = tracker.current(time)
+        assert all(_inside(seen, passed, swing(time + passed)) for passed in ahead)
+        velocity = np.mean(seen.velocities, axis=0)
+        off = np.linalg.norm(swing(time) + ahead[-1] * velocity - swing(time + ahead[-1]))
+        missed += off > 0.01 + ahead[-1] * np.linalg.norm(velocity)
+    assert missed > 0 or radius
+
+
+def test_one_detection_shows_how_fast_it_may_have_started() -> None:
+    """The first that shows a whole interval of motion."""
+    tracker, started = ObstacleTracker(), 30
+    for number in range(started + 2):
+        passed = max(0, number - started) / RATE
+        tracker.put("obstacles", KEY, HERE + [0.2 * passed, 0.0, 0.0], 0.01, now=number / RATE)
+    seen = tracker.current(number / RATE)
+    ends = [HERE + [0.2 * (1.0 / RATE + passed), 0.0, 0.0] for passed in (0.1, 0.5, 1.0)]
+    assert all(_inside(seen, passed, end) for passed, end in zip((0.1, 0.5, 1.0), ends, strict=True))
+
+
+def test_what_is_new_may_turn_and_is_soon_known_not_to() -> None:
+    """A circle of 16 cm, 4.8 rad/s: from the second detection on all that follows within 0.3 s is covered. The control
+    moves straight on: from 0.3 s on it is expected to go on so.
+    """
+    tracker, ahead = ObstacleTracker(), np.linspace(0.0, 0.3, 7)
+    circle = lambda at: 0.16 * np.array([np.cos(4.8 * at), np.sin(4.8 * at), 0.0])  # noqa: E731
+    for number in range(30):
+        tracker.put("obstacles", KEY, circle(number / RATE), 0.01, now=number / RATE)
+        tracker.put("obstacles", ("", 1), HERE + [0.3 * number / RATE, 0.0, 0.0], 0.05, now=number / RATE)
+        seen = tracker.current(number / RATE)
+        assert number == 0 or all(_inside(seen, passed, circle(number / RATE + passed)) for passed in ahead)
+        known = number >= 9
+        assert seen.velocity_errors[-1] == pytest.approx(0.0 if known or number == 0 else 0.3, abs=1e-9)
+
+
 def test_many_that_speed_up_share_the_velocities_at_which_they_are_expected() -> None:
     tracker = ObstacleTracker()
     for time in np.arange(0.0, 1.0, 1.0 / RATE):
