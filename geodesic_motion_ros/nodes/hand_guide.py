@@ -97,6 +97,7 @@ class _Hand:
     def take_the_arm(self) -> None:
         self._free_drive(True)
         self._spin_until(lambda: self._tool is not None, "the twin publishes no ee_pose")
+        self._spin_until(lambda: self._now() > 0.0, "nothing is published on /clock")
 
     def release_the_arm(self) -> None:
         self._free_drive(False)
@@ -127,29 +128,32 @@ class _Hand:
         rclpy.try_shutdown(context=self._context)
 
     def _pull(self, path: HandPath) -> None:
-        begin = time.monotonic()
-        while (passed := time.monotonic() - begin) < path.times[-1]:
+        begin = self._now()
+        while (passed := self._now() - begin) < path.times[-1]:
             self._hold(path.at(passed))
 
     def _stand(self, pose: tuple[np.ndarray, np.ndarray]) -> None:
         """Hold the tool in a pose until the arm is there, and for a while."""
-        deadline = time.monotonic() + PATIENCE
         reached = False
-        until = deadline
-        while time.monotonic() < until:
+        until = self._now() + PATIENCE
+        while self._now() < until:
             self._hold(pose)
             if not reached and np.linalg.norm(self._tool[0] - pose[0]) < _REACHED:
-                reached, until = True, time.monotonic() + _STANDSTILL
+                reached, until = True, self._now() + _STANDSTILL
         if not reached:
             apart = 1e3 * float(np.linalg.norm(self._tool[0] - pose[0]))
             raise GuideError(f"the arm stays {apart:.0f} mm from where the hand pulls it: something is in between")
 
     def _hold(self, pose: tuple[np.ndarray, np.ndarray]) -> None:
         """Publish a pose of the hand, and listen until the next one is due."""
-        due = time.monotonic() + 1.0 / _RATE
+        due = self._now() + 1.0 / _RATE
         self._poses.publish(pose_message(*pose, self._frame, self._node.get_clock().now().to_msg()))
-        while (left := due - time.monotonic()) > 0.0:
+        while (left := due - self._now()) > 0.0:
             self._executor.spin_once(timeout_sec=left)
+
+    def _now(self) -> float:
+        """The time [s], of a simulation where the node lives by one."""
+        return 1e-9 * self._node.get_clock().now().nanoseconds
 
     def _free_drive(self, on: bool) -> None:
         answer = self._call(SetBool, "twin/free_drive", SetBool.Request(data=on))

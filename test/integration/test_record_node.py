@@ -8,6 +8,7 @@ import signal
 import subprocess
 import sys
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import pytest
@@ -80,7 +81,6 @@ def record_all(bench, path: np.ndarray, **how) -> Trigger.Response:
     return answer
 
 
-@pytest.mark.realtime
 def test_takes_of_a_guided_arm_are_recorded_read_and_learned(
     bench, skill, skill_folder, tmp_path, capsys, monkeypatch
 ):
@@ -94,7 +94,9 @@ def test_takes_of_a_guided_arm_are_recorded_read_and_learned(
     bench.add(TwinNode, skill=str(skill_folder))
     bench.add(RecordNode, folder=str(folder))
     lines = []
-    assert hand_guide.guide(skill, 3, duration=3.0, record=True, shown=lines.append) == 3, lines
+    by_the_clock = ["-p", "use_sim_time:=true"]
+    guide = partial(hand_guide.guide, skill, 3, duration=3.0, record=True, ros_arguments=by_the_clock)
+    assert bench.during(lambda: guide(shown=lines.append)) == 3, lines
     for number, line in enumerate(lines, 1):
         assert line.startswith(f"path {number}: kept take_00{number}: ")
     assert "mm from the nearest other" in lines[2]
@@ -220,14 +222,13 @@ def test_a_hand_is_refused_where_no_twin_runs(skill, monkeypatch):
         hand_guide.guide(skill, 1)
 
 
-@pytest.mark.realtime
 def test_a_hand_is_refused_where_nothing_records_and_leaves_the_arm_to_its_motors(bench, skill, skill_folder):
     bench.add(TwinNode, skill=str(skill_folder))
     bench.listen_to_log()
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(hand_guide, "PATIENCE", 3.0)
         with pytest.raises(hand_guide.GuideError, match="start the node `record` first"):
-            hand_guide.guide(skill, 1, record=True)
+            bench.during(lambda: hand_guide.guide(skill, 1, record=True, ros_arguments=["-p", "use_sim_time:=true"]))
     hand = pose_message(*Robot.named("panda").forward(READY), BASE, Time())
     bench.publisher(PoseStamped, "twin/hand_pose").publish(hand)
     bench.wait(lambda: bench.logged("the arm is not in free drive"), "the refusal of a hand")
