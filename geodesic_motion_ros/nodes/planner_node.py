@@ -103,7 +103,8 @@ class PlannerNode(LoopingNode):
         )
 
     def _introduction(self) -> str:
-        states, goals = (self.resolve_topic_name(name) for name in ("joint_states", "goal_pose"))
+        goal = "goal_pose" if self.kind.robot.takes_poses else "goal_joints"
+        states, goals = (self.resolve_topic_name(name) for name in ("joint_states", goal))
         return (
             f"ready: skill '{self._name}' of {self.kind.subject}, commands on {self.outputs.command_topic}; "
             f"waits for {states}, then for a goal on {goals}"

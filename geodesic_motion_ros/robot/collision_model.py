@@ -234,9 +234,9 @@ def _self_pairs(of_link: dict[str, np.ndarray], entries: Any, file: str) -> np.n
                     f"there are spheres of {', '.join(map(str, first))}"
                 )
         one, other = links
-        every = [[i, j] for i in range(counts[one]) for j in range(counts[other])]
-        for pair in entry.get("spheres", every):
-            if pair not in every:
+        rows, columns = range(counts[one]), range(counts[other])
+        for pair in entry.get("spheres", [[i, j] for i in rows for j in columns]):
+            if not (isinstance(pair, list) and len(pair) == 2 and pair[0] in rows and pair[1] in columns):
                 raise RobotError(
                     f"self_collision in {file} names the spheres {pair} of '{one}' and '{other}': expected two numbers "
                     f"from 0 below {counts[one]} and {counts[other]}"

@@ -12,6 +12,7 @@ import numpy as np
 from geodesic_motion_ros.manifold.ambient_metric import obstacle_clearances
 from geodesic_motion_ros.manifold.configuration_graph import ConfigurationGraph
 from geodesic_motion_ros.obstacles.obstacles import Obstacles
+from geodesic_motion_ros.robot.body_points import place_body_points
 from geodesic_motion_ros.robot.collision_model import CollisionModel
 from geodesic_motion_ros.skill.skill import Skill
 from geodesic_motion_ros.visualization.latent_view import FOOTPRINT, LatentPicture
@@ -45,8 +46,11 @@ class ArmView(LatentPicture):
         unsure = np.full(shape[0] * shape[1], np.max(graph.sigma))
         np.minimum.at(unsure, self._column, graph.sigma)
         super().__init__(lower, upper, unsure.reshape(self._shape), skill.codes, size)
-        moving = collision.moving
-        self._spheres = np.ascontiguousarray(collision.positions(graph.robot, graph.configurations)[:, moving])
+        moving, points = collision.moving, collision.points
+        # these alone are placed: taken out of all they would be copied twice, hundreds of megabytes of a large arm
+        self._spheres = place_body_points(
+            graph.configurations, points.frames[moving], points.offsets[moving], graph.robot.chain
+        )
         self._radii = collision.radii[moving]
 
     def _pixels(self, latent: np.ndarray) -> np.ndarray:

@@ -6,6 +6,7 @@ import signal
 import subprocess
 import sys
 import time
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -34,6 +35,7 @@ from geodesic_motion_ros.nodes.twin_node import TwinNode
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.skill.skill import Skill
 
+SKILLS = Path(__file__).resolve().parents[1] / "skills"
 #: Wide enough to block every demonstration where no scene is declared.
 WALL = "{ball: {kind: static, centre: [0.465, -0.01, 0.34], radius: 0.08}}"
 
@@ -101,6 +103,14 @@ def test_a_configuration_is_a_goal_too(bench, options, start_joints, skill):
     assert send(bench, turned, said=lines.append) >= 0.0
     assert lines[0].startswith("ros2 topic pub --once /goal_joints sensor_msgs/msg/JointState")
     assert int(bench.status()["goal_number"]) == 1
+
+
+@pytest.mark.parametrize(("learned", "topic"), [("arm_of_5", "/goal_joints"), ("reach", "/goal_pose")])
+def test_the_planner_says_on_which_topic_its_arm_takes_goals(bench, options, learned, topic):
+    bench.listen_to_log()
+    bench.add(PlannerNode, **options | {"skill": str(SKILLS / learned)})
+    (line,) = bench.wait(lambda: bench.logged("ready: skill"), "the planner")
+    assert line.endswith(f"then for a goal on {topic}")
 
 
 def test_a_refused_goal_is_reported_also_where_the_arm_stands_at_an_earlier_one(
