@@ -2,11 +2,10 @@
 
 An obstacle that moves straight on is expected to go on so. One that has turned, started or changed its speed may do so
 again, and meet an arm that passes it on its straight line: in the prediction it is enlarged with time, by a multiple of
-what its velocity has changed, and no faster than it has moved of late. So is one that was seen for the first time a
-moment ago: how it turns is not known before. One that has sped up or slowed down on a straight line may
-do so again, but hardly leaves the line: it is expected at several velocities along it, and enlarged by less, so that an
-arm finds room beside the line. Changes that may come from noise of the detected positions do not count. One that begins
-to move, or turns for the first time, or stops for a moment, is not foreseen.
+what its velocity has changed, and no faster than it has moved of late. One that has sped up or slowed down on a
+straight line may do so again, but hardly leaves the line: it is expected at several velocities along it, and enlarged
+by less, so that an arm finds room beside the line. Changes that may come from noise of the detected positions do not
+count. One that begins to move, or turns for the first time, or stops for a moment, is not foreseen.
 """
 
 from __future__ import annotations
@@ -86,12 +85,11 @@ class VelocityHistory:
 
         e = min(CHANGE_FACTOR max(0, c - NOISE_FACTOR noise), f), where c is the largest distance of v from its means
         over three intervals within the memory, and f the fastest that the obstacle has been then: where it turns back
-        its velocity is next to none, and changes most. Before there is a mean nothing is known of c, and e = f. An
-        estimate, no guarantee: who stands may start.
+        its velocity is next to none, and changes most. An estimate, no guarantee: who stands may start.
 
         noise : standard deviation of a position in each axis [m].
         """
-        change = max((math.dist(mean, velocity) for _, mean in self._means), default=math.inf)
+        change = max((math.dist(mean, velocity) for _, mean in self._means), default=0.0)
         return self._bounded(change, velocity, noise)
 
     def _bounded(self, change: float, velocity: Vector, noise: float) -> float:

@@ -189,21 +189,6 @@ def test_one_detection_shows_how_fast_it_may_have_started() -> None:
     assert all(_inside(seen, passed, end) for passed, end in zip((0.1, 0.5, 1.0), ends, strict=True))
 
 
-def test_what_is_new_may_turn_and_is_soon_known_not_to() -> None:
-    """A circle of 16 cm, 4.8 rad/s: from the second detection on all that follows within 0.3 s is covered. The control
-    moves straight on: from 0.3 s on it is expected to go on so.
-    """
-    tracker, ahead = ObstacleTracker(), np.linspace(0.0, 0.3, 7)
-    circle = lambda at: 0.16 * np.array([np.cos(4.8 * at), np.sin(4.8 * at), 0.0])  # noqa: E731
-    for number in range(30):
-        tracker.put("obstacles", KEY, circle(number / RATE), 0.01, now=number / RATE)
-        tracker.put("obstacles", ("", 1), HERE + [0.3 * number / RATE, 0.0, 0.0], 0.05, now=number / RATE)
-        seen = tracker.current(number / RATE)
-        assert number == 0 or all(_inside(seen, passed, circle(number / RATE + passed)) for passed in ahead)
-        known = number >= 9
-        assert seen.velocity_errors[-1] == pytest.approx(0.0 if known or number == 0 else 0.3, abs=1e-9)
-
-
 def test_many_that_speed_up_share_the_velocities_at_which_they_are_expected() -> None:
     tracker = ObstacleTracker()
     for time in np.arange(0.0, 1.0, 1.0 / RATE):
