@@ -26,7 +26,8 @@ from geodesic_motion_ros.utils.errors import FileError, GeodesicMotionError
 #: An archive may inflate to so many times its size. Real recordings shrink to a half, those of a simulated arm that
 #: stands still for half of the time to a fifth; a bomb grows a thousandfold.
 LARGEST_INFLATION = 50
-#: Archives of so few bytes [B] may inflate further, as arrays of zeros do: that much memory is always there.
+#: Archives of so few bytes [B] may inflate further, as arrays of zeros do, and arrays without numbers may have so long
+#: other dimensions, as the shares of a graph that has no mean path: that much memory is always there.
 SMALL = 4 << 20
 #: Size of the directory of an archive, and of the header of a file of tensors [B]: each array takes about 100 of them.
 LARGEST_DIRECTORY = 64 << 10
@@ -154,7 +155,8 @@ def _read_array(stream: IO[bytes], size: int) -> np.ndarray:
     declared = math.prod(header.shape) * header.dtype.itemsize
     there = size - stream.tell()
     # Dimensions beside a zero are not in the product, and strings of no length take no bytes.
-    if declared != there or max(header.shape, default=0) > size or min(header.shape, default=0) < 0:
+    without_zeros = math.prod(length for length in header.shape if length) * max(header.dtype.itemsize, 1)
+    if declared != there or without_zeros > max(size, SMALL) or min(header.shape, default=0) < 0:
         raise FileError(
             f"declares {brief(header.shape)} numbers of type {header.dtype}, {declared:.3g} bytes, and holds {there}"
         )

@@ -42,8 +42,10 @@ def kept_files(tmp_path: Path) -> list[Path]:
     return sorted((tmp_path / "cache" / "graphs").iterdir())
 
 
-def test_it_is_made_once_and_read_to_the_last_bit(skill, made, tmp_path):
-    first, again = skill.graph(SHAPE), Skill.load("ur5_reach").graph(SHAPE)
+@pytest.mark.parametrize(("learned", "shape"), [("ur5_reach", SHAPE), ("paper_reach", (9, 9, 9))])
+def test_it_is_made_once_and_read_to_the_last_bit(learned, shape, made, tmp_path):
+    """Also of the raw sheet, whose nodes have no shares of mean paths: an array without numbers."""
+    first, again = Skill.load(learned).graph(shape), Skill.load(learned).graph(shape)
     assert len(made) == 1
     assert len(kept_files(tmp_path)) == 1
     made_arrays, read_arrays = first.arrays(), again.arrays()
@@ -54,7 +56,7 @@ def test_it_is_made_once_and_read_to_the_last_bit(skill, made, tmp_path):
         # Kernels are compiled for a type, an order of the elements, and arrays that can be written to.
         assert (array.dtype, array.shape, array.strides) == (read.dtype, read.shape, read.strides), name
         assert read.flags.writeable, name
-    at = np.array([0.1, -0.2])
+    at = np.full(len(shape), 0.1)
     for one, other in zip(first.progress_map(at[None]), again.progress_map(at[None]), strict=True):
         np.testing.assert_array_equal(one, other)
     assert first.grid.shape == again.grid.shape

@@ -112,6 +112,7 @@ LYING_ARRAYS: dict[str, bytes] = {
     "holds more than it declares": declaring("(3, 40, 7)", content=bytes(2 * 3 * 40 * 7 * 8)),
     "negative sizes": declaring("(-3, -40, 7)", content=bytes(3 * 40 * 7 * 8)),
     "endless beside a zero": declaring(f"({10**12}, 0, 7)"),
+    "endless by several beside a zero": declaring("(1000, 1000, 0, 1000)"),
     "endless and of no length": declaring(f"({10**12},)", "'<U0'"),
     "records": declaring("(4,)", "[('x', '<f8')]", bytes(32)),
     "dates": declaring("(4,)", "'<M8[s]'", bytes(32)),
