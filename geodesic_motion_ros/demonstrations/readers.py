@@ -181,8 +181,11 @@ def joint_demonstrations_of(takes: Sequence[Take], robot: str) -> JointDemonstra
 
 
 def check_kind(path: Path) -> None:
-    """Refuse a file of a kind that is not read: DemonstrationError, with what makes one that is."""
+    """Refuse a file that is not there, or of a kind that is not read: DemonstrationError, with what makes one that is.
+    """
     kinds = (".npy", ".npz", *TEXT_FILES)
+    if not path.exists():
+        raise DemonstrationError(f"{path}: No such file or directory")
     if path.is_file() and path.suffix.lower() not in kinds:
         raise DemonstrationError(
             f"{path}: cannot read '{path.suffix}' files, only bags and {', '.join(kinds)}: export it as .csv (with "

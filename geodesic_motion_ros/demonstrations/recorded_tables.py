@@ -339,5 +339,5 @@ def _joint_arrays(
 def _other_arm(present: Sequence[str], joint_names: Sequence[str], robot: str, path: Path) -> DemonstrationError:
     return DemonstrationError(
         f"{path}: its joints are {brief(', '.join(present), 200)}; expected are those of '{robot}', in any order: "
-        f"{', '.join(joint_names)}. Recordings of other robots are not supported yet"
+        f"{', '.join(joint_names)}. Of another arm? Say whose they are: --robot"
     )

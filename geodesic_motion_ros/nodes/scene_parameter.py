@@ -5,7 +5,6 @@ from __future__ import annotations
 from geodesic_motion_ros.planning.declared_scene import DeclaredScene
 from geodesic_motion_ros.skill.skill import Skill
 from geodesic_motion_ros.utils.errors import FileError, ParameterError
-from geodesic_motion_ros.utils.shared_files import SharedFileError
 
 
 def declared_scene(name: str, skill: Skill | None) -> DeclaredScene | None:
@@ -17,6 +16,6 @@ def declared_scene(name: str, skill: Skill | None) -> DeclaredScene | None:
     """
     try:
         scene = DeclaredScene.named(name)
-    except (FileError, SharedFileError) as error:
+    except FileError as error:
         raise ParameterError(f"parameter scene: {error}") from error
     return scene or (None if skill is None else DeclaredScene.recorded(skill))

@@ -39,19 +39,39 @@ def wants_help(name: str, arguments: Sequence[str]) -> bool:
     try:
         others = remove_ros_args(args=[name, *arguments])[1:]
     except RuntimeError as error:  # a ROS argument that cannot be read; rclpy.init will say so
-        bare = [word for word in arguments if ":=" in word and repr(word) in str(error)]
-        if not bare:
-            return False
-        raise ParameterError(
-            f"{' '.join(bare)}: parameters need -p: --ros-args {' '.join(f'-p {word}' for word in bare)}"
-        ) from error
+        if mappings := [word for word in arguments if ":={" in word]:
+            parameter, _, mapping = mappings[0].partition(":=")
+            raise ParameterError(
+                f"{mappings[0]}: a mapping goes as a text, in quotes within quotes: -p {parameter}:=\"'{mapping}'\""
+            ) from error
+        _refuse_bare([word for word in arguments if ":=" in word and repr(word) in str(error)])
+        return False
     if {"-h", "--help"} & set(others):
         return True
+    _refuse_bare(_outside(arguments))
     if others:
         raise ParameterError(
             f"{' '.join(others)}: there are no such arguments; parameters go as --ros-args -p NAME:=VALUE, see --help"
         )
     return False
+
+
+def _outside(arguments: Sequence[str]) -> list[str]:
+    """The words NAME:=VALUE that are not among the ROS arguments, where rcl still takes them for names to remap."""
+    found, inside = [], False
+    for word in arguments:
+        inside = word == "--ros-args" or (inside and word != "--")
+        if not inside and ":=" in word:
+            found.append(word)
+    return found
+
+
+def _refuse_bare(words: Sequence[str]) -> None:
+    """Refuse parameters without -p: ParameterError has the arguments that set them."""
+    if words:
+        raise ParameterError(
+            f"{' '.join(words)}: parameters need -p: --ros-args {' '.join(f'-p {word}' for word in words)}"
+        )
 
 
 def usage(name: str, table: Sequence[Parameter]) -> str:

@@ -41,7 +41,7 @@ from geodesic_motion_ros.skill.skill import Skill
 from geodesic_motion_ros.utils.checked_files import brief, opened, read_yaml
 from geodesic_motion_ros.utils.checked_numbers import LARGEST_NUMBER
 from geodesic_motion_ros.utils.errors import FileError, GeodesicMotionError, SkillError
-from geodesic_motion_ros.utils.shared_files import find_shared
+from geodesic_motion_ros.utils.shared_files import SharedFileError, find_shared
 
 #: Demonstrations that enter a scene by more than this [m] were not recorded in it: decoders are less far off.
 DEMONSTRATION_DEPTH = 0.01
@@ -96,12 +96,19 @@ class DeclaredScene:
 
         Raises
         ------
-        FileError : as of `load`; SharedFileError : no such scene is shipped.
+        FileError : as of `load`, or no such scene is shipped.
         """
         if name in ("", "none"):
             return cls.empty() if name else None
         path = Path(name)
-        return cls.load(find_shared(f"config/scenes/{name}.yaml") if path.name == name and not path.suffix else path)
+        if path.name == name and not path.suffix:
+            try:
+                path = find_shared(f"config/scenes/{name}.yaml")
+            except SharedFileError as error:
+                shipped = sorted(file.stem for file in find_shared("config/scenes").glob("*.yaml"))
+                known = ", ".join(["none", *shipped])
+                raise FileError(f"there is no scene '{name}': give {known}, or a file like {name}.yaml") from error
+        return cls.load(path)
 
     @classmethod
     def recorded(cls, skill: Skill) -> DeclaredScene | None:

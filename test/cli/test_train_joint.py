@@ -100,6 +100,7 @@ def test_evaluate_prints_the_table_of_joints(joint_recording, trained, tmp_path,
         (["train", "--space", "task", "--volume-weight", "1", "--out", "{tmp}/s"], "--volume-weight is for recordings"),
         (["train", "--space", "task", "--out", "{tmp}/s"], "say the units of the positions"),
         (["train", "--space", "task", "--units", "m", "--out", "{tmp}/s"], "it needs keys positions"),
+        (["train", "--demos", "{tmp}/absent.csv", "--out", "{tmp}/s"], "absent.csv: No such file or directory"),
         (["train", "--robot", "kuka", "--out", "{tmp}/s"], "robot 'kuka' is not known here; known: "),
         (["train", "--held-out", "8", "--out", "{tmp}/s"], "numbered 0 to 7"),
         (["evaluate", "--sheets", "raw"], "--sheets is for recordings of the tool"),
@@ -149,5 +150,5 @@ def test_a_recording_of_another_arm_is_refused_with_both_arms_joints(space, tmp_
     recording.write_text("\n".join([f"demonstration,t,{joints}", *rows]))
     assert main(["train", *space, "--demos", str(recording), "--out", str(tmp_path / "s")]) == 2
     (line,) = capsys.readouterr().err.splitlines()
-    for said in (str(recording), joints.replace(",", ", "), "'panda'", "panda_joint7", "not supported yet"):
+    for said in (str(recording), joints.replace(",", ", "), "'panda'", "panda_joint7", "Say whose they are: --robot"):
         assert said in line

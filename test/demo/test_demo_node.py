@@ -202,7 +202,7 @@ def test_a_scene_that_does_not_exist_is_named(tmp_path: Path) -> None:
     process = demo_process(tmp_path, "--scene", "nowhere")
     _, errors = process.communicate(timeout=120.0)
     assert process.returncode == 2
-    assert errors.startswith("demo: config/scenes/nowhere.yaml is not shipped")
+    assert errors.startswith("demo: there is no scene 'nowhere': give none, table, or a file like nowhere.yaml")
 
 
 @pytest.mark.realtime

@@ -145,7 +145,7 @@ def test_a_word_for_unseen_that_there_is_not_is_named_at_the_start(bench, option
 
 @pytest.mark.parametrize(
     ("scene", "reason"),
-    [("nowhere", "scenes/nowhere.yaml"), ("/nowhere/scene.yaml", "cannot be read"), ("crate.yaml", "did you mean")],
+    [("nowhere", "give none, table, or a"), ("/nowhere/scene.yaml", "cannot be read"), ("crate.yaml", "did you mean")],
 )
 def test_a_scene_that_cannot_be_used_is_named_at_the_start(bench, options, tmp_path, monkeypatch, scene, reason):
     monkeypatch.chdir(tmp_path)

@@ -280,7 +280,7 @@ def test_spheres_as_the_scene_are_refused_with_the_name_of_their_parameter(bench
 
 @pytest.mark.parametrize(
     ("scene", "reason"),
-    [("nowhere", "scenes/nowhere.yaml"), ("/nowhere/scene.yaml", "cannot be read"), ("crate.yaml", "did you mean")],
+    [("nowhere", "give none, table, or a"), ("/nowhere/scene.yaml", "cannot be read"), ("crate.yaml", "did you mean")],
 )
 def test_a_scene_that_cannot_be_used_is_named_at_the_start(bench, tmp_path, monkeypatch, scene, reason):
     monkeypatch.chdir(tmp_path)

@@ -43,7 +43,19 @@ def test_unknown_arguments_are_named() -> None:
 def test_a_parameter_without_p_is_not_taken_for_a_name_to_remap() -> None:
     with pytest.raises(ParameterError, match=r"skill:=mine: parameters need -p: --ros-args -p skill:=mine"):
         wants_help("planner", ["--ros-args", "skill:=mine"])
+    with pytest.raises(ParameterError, match=r"skill:=mine: parameters need -p: --ros-args -p skill:=mine"):
+        wants_help("planner", ["skill:=mine"])
+    with pytest.raises(ParameterError, match=r"rate:=50.0: parameters need -p"):
+        wants_help("planner", ["--ros-args", "-p", "skill:=mine", "--", "rate:=50.0"])
     assert not wants_help("planner", ["--ros-args", "--params-file", "of:=mine.yaml", "-r", "ee_pose:=tool"])
+
+
+def test_a_mapping_without_quotes_is_answered_with_them() -> None:
+    ball = "{ball: {kind: static, centre: [0.3, 0.0, 0.3], radius: 0.04}}"
+    with pytest.raises(ParameterError, match=r"quotes within quotes: -p spheres:=") as caught:
+        wants_help("twin", ["--ros-args", "-p", f"spheres:={ball}"])
+    line = str(caught.value).split("quotes within quotes: ")[1]
+    assert scripted_spheres(given(f"--ros-args {line}", "twin")["spheres"]).items["ball"].radius == 0.04
 
 
 def given(line: str, name: str) -> Mapping[str, Value]:
