@@ -185,7 +185,7 @@ def check_kind(path: Path) -> None:
     """
     kinds = (".npy", ".npz", *TEXT_FILES)
     if not path.exists():
-        raise DemonstrationError(f"{path}: No such file or directory")
+        raise DemonstrationError(f"{path}: cannot be read (No such file or directory)")
     if path.is_file() and path.suffix.lower() not in kinds:
         raise DemonstrationError(
             f"{path}: cannot read '{path.suffix}' files, only bags and {', '.join(kinds)}: export it as .csv (with "
