@@ -11,7 +11,9 @@ import fcntl
 import os
 import shutil
 import signal
+import tempfile
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
@@ -37,14 +39,30 @@ REPOSITORY = Path(__file__).resolve().parents[1]
 # A shell that starts the tests in the background has SIGINT ignored, and programs under test would inherit that.
 signal.signal(signal.SIGINT, signal.default_int_handler)
 
-# Before rclpy is imported, and for every process that is started: fields are type-checked, nothing leaves this machine,
-# and every worker of every run of the tests has a domain of its own (1 to 101 keep clear of the system's ports).
-WORKER = os.environ.get("PYTEST_XDIST_WORKER")
+
+def own_domain() -> int:
+    """A ROS domain that no other worker of any run of these tests on this machine has, until this process ends.
+
+    Clocks of two tests in one domain would set each other. 1 to 101 keep clear of the system's ports.
+    """
+    for number in range(101):
+        domain = 1 + (os.getpid() + number) % 101
+        file = Path(tempfile.gettempdir()) / f"geodesic_motion_ros_domain_{domain}.lock"
+        with suppress(OSError):  # of another run, or of another user
+            descriptor = os.open(file, os.O_RDONLY | os.O_CREAT | os.O_CLOEXEC)
+            try:
+                # held until the process ends, which closes the descriptor
+                fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+                return domain
+            except OSError:
+                os.close(descriptor)
+    raise RuntimeError("all ROS domains from 1 to 101 are taken by other runs of the tests")
+
+
+# Before rclpy is imported, and for every process that is started: fields are type-checked, nothing leaves this machine.
 os.environ["ROS_PYTHON_CHECK_FIELDS"] = "1"
 os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
-os.environ["ROS_DOMAIN_ID"] = str(
-    1 + (os.getpid() if WORKER is None else os.getppid() + 17 * int(WORKER.removeprefix("gw"))) % 101
-)
+os.environ["ROS_DOMAIN_ID"] = str(own_domain())
 
 
 #: Begun with: the longest file.
