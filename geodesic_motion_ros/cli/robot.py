@@ -166,6 +166,11 @@ def _say_what_the_urdf_leaves_open(made: MadeRobot, robot: Robot) -> None:
 
     if made.drawn_alone:
         print(f"drawn but without a collision body, so that nothing guards it: {', '.join(made.drawn_alone)}")
+    if adrift := made.adrift():
+        print(
+            f"far from the rest of the arm: {', '.join(f'{link} by {gap:.2f} m' for link, gap in adrift.items())}; are "
+            "their meshes in the frames of their links, are bodies missing between? Look at the picture"
+        )
     if made.without_inertial:
         print(
             f"without <inertial> or a mass: {', '.join(made.without_inertial)}; the twin takes that of the collision "

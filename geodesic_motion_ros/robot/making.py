@@ -45,6 +45,9 @@ MOST_CENTRES = 20_000
 """Spheres of a body, as of a mobile base, are chosen from so many at most: memory and time grow with the square."""
 POSTURES = 2000
 """Drawn, of which the ready posture is the best."""
+ADRIFT = 0.1
+"""Links whose spheres are farther [m] than this from the rest of the arm are hardly where their meshes are meant to be.
+"""
 APART = 0.01
 """Distance [m] of the spheres that are kept apart, in a ready posture that is proposed."""
 
@@ -86,6 +89,25 @@ class MadeRobot:
     def farthest_outside(self) -> float:
         """How far [m] the farthest vertex of a body is outside all spheres of its link; negative: none is."""
         return max(float(_outside(body.vertices, self.spheres[body.link]).max()) for body in self.bodies)
+
+    def adrift(self) -> dict[str, float]:
+        """How far [m] from all of the arm that hangs together the links are that do not, `ADRIFT`, by their names.
+
+        In the ready posture. So are meshes that were written in the frame of the base and not of their links.
+        """
+        robot = Robot.named(self.folder)
+        rotations, origins = robot.link_frames(robot.ready)
+        placed = {}
+        for link, spheres in self.spheres.items():
+            number = robot.link_names.index(link)
+            placed[link] = np.column_stack([spheres[:, :3] @ rotations[number].T + origins[number], spheres[:, 3]])
+        joined = placed.pop(next(iter(placed)))
+        while placed:
+            gaps = {link: float(np.min(_outside(rows[:, :3], joined) - rows[:, 3])) for link, rows in placed.items()}
+            if min(gaps.values()) > ADRIFT:
+                return gaps
+            joined = np.concatenate([joined, placed.pop(min(gaps, key=gaps.__getitem__))])
+        return {}
 
 
 def make_robot(

@@ -18,7 +18,7 @@ from geodesic_motion_ros.robot.description import RobotDescription
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.robot.making import Limits, cover_bodies, make_robot
 from geodesic_motion_ros.robot.self_pairs import draw_self_pairs, separated
-from geodesic_motion_ros.robot.sphere_cover import PROTRUSION
+from geodesic_motion_ros.robot.sphere_cover import MESH_MARGIN, PROTRUSION
 from geodesic_motion_ros.utils.errors import ParameterError, RobotError
 
 BOX = '<collision><origin xyz="{at}"/><geometry><box size="{size}"/></geometry></collision>'
@@ -137,6 +137,16 @@ def test_what_does_not_fit_is_named(urdf: Path, tmp_path: Path, before: str, aft
     with pytest.raises(RobotError, match=message):
         make_robot(urdf, "foot", "hook", tmp_path / "crane", LIMITS)
     assert not (tmp_path / "crane").exists()
+
+
+def test_links_that_are_far_from_the_rest_are_named(urdf: Path, tmp_path: Path) -> None:
+    """The jib's body as if in another frame, 0.5 m aside. The control: the arm as it is."""
+    assert make_robot(urdf, "foot", "hook", tmp_path / "whole", LIMITS, ready=READY).adrift() == {}
+    urdf.write_text(ARM.replace('<origin xyz="0.075 0 0"/>', '<origin xyz="0.075 0.5 0"/>'))
+    adrift = make_robot(urdf, "foot", "hook", tmp_path / "torn", LIMITS, ready=READY).adrift()
+    # Both bodies are 0.05 m wide, and spheres of both stick out of them.
+    assert 0.45 - 2 * (PROTRUSION + MESH_MARGIN + 3e-4) < adrift["jib"] <= 0.45
+    assert not {"foot", "mast", "boom"} & set(adrift)
 
 
 def test_what_turns_just_above_its_table_is_covered_finely(urdf: Path, tmp_path: Path) -> None:
