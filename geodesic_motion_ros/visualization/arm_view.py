@@ -7,6 +7,8 @@ of them as they are seen along that dimension.
 
 from __future__ import annotations
 
+from functools import cached_property
+
 import numpy as np
 
 from geodesic_motion_ros.manifold.ambient_metric import obstacle_clearances
@@ -46,12 +48,18 @@ class ArmView(LatentPicture):
         unsure = np.full(shape[0] * shape[1], np.max(graph.sigma))
         np.minimum.at(unsure, self._column, graph.sigma)
         super().__init__(lower, upper, unsure.reshape(self._shape), skill.codes, size)
-        moving, points = collision.moving, collision.points
-        # these alone are placed: taken out of all they would be copied twice, hundreds of megabytes of a large arm
-        self._spheres = place_body_points(
-            graph.configurations, points.frames[moving], points.offsets[moving], graph.robot.chain
+        self._graph, self._points, self._moving = graph, collision.points, collision.moving
+        self._radii = collision.radii[self._moving]
+
+    @cached_property
+    def _spheres(self) -> np.ndarray:
+        """Where the nodes have the moving spheres (n, S, 3) [m]: hundreds of megabytes of an arm with many. Placed when
+        the first picture is drawn, for mostly nobody looks.
+        """
+        points, moving = self._points, self._moving
+        return place_body_points(
+            self._graph.configurations, points.frames[moving], points.offsets[moving], self._graph.robot.chain
         )
-        self._radii = collision.radii[moving]
 
     def _pixels(self, latent: np.ndarray) -> np.ndarray:
         """Pixel (column, row) of latent points (n, 3)."""
