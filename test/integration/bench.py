@@ -91,6 +91,10 @@ class SteppedClock:
 
         self._probe.create_subscription(kind, topic, hear, 10, raw=True)
 
+    def __str__(self) -> str:
+        behind = {topic or "the bench": 1e-9 * (self.nanoseconds - until) for topic, until in self._lived.items()}
+        return f"{1e-9 * self.nanoseconds:.2f} s, of which they lack {behind} s"
+
     @property
     def is_lived(self) -> bool:
         """Whether all nodes have lived up to now; their stamps may be off by a microsecond."""
@@ -192,7 +196,19 @@ class Bench:
             passed = min(lived, time.monotonic() - begun)
             assert passed < PATIENCE, f"waited {lived:.0f} s without success for: {what}; status: {self.status()}"
             self.clock.step()
-            self._stand(lambda: self.clock.is_lived, "the nodes to live up to now")
+            self._live_up_to_now()
+
+    def _live_up_to_now(self) -> None:
+        """Wait until the nodes have lived up to now, which is shown again where that takes long: it may be lost."""
+        began = time.monotonic()
+        while time.monotonic() - began < PATIENCE:
+            with self._changed:
+                lived = self._changed.wait_for(lambda: self._error or self.clock.is_lived, 1.0)
+            self._check()
+            if lived:
+                return
+            self.clock.show()
+        raise AssertionError(f"waited {PATIENCE:g} s without success for nodes to live up to now: {self.clock}")
 
     def _show(self, seen: Callable[[], bool]) -> None:
         """Show the nodes' clock until it is seen."""
