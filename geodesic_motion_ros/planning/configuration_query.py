@@ -183,6 +183,11 @@ class ConfigurationQueryBuilder(TransportedQueryBuilder):
     def _unheld(self, name: End, reason: str) -> Verdict:
         """The refusal of a pose that the arm holds in no configuration, and why in none."""
         held = f"no configuration near the demonstrated ones holds the tool at the {name}: {reason}"
+        if not self._robot.takes_poses:
+            joints = len(self._robot.joint_names)
+            held = f"an arm of {joints} joints holds its tool in few poses, not in that of the {name}: " + (
+                "send it a configuration, goal_joints" if name == "goal" else "let it begin in a configuration"
+            )
         return Verdict(self._out_of_support(name), held)
 
     def _configurations_at(self, name: End, pose: Pose) -> tuple[list[np.ndarray], str]:

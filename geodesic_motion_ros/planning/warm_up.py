@@ -4,6 +4,7 @@ for that. What is not loaded is compiled in the first tick that needs it, for se
 
 from __future__ import annotations
 
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -25,14 +26,20 @@ def load_kernels(trial: ReactivePlanner, arm: GuardedArm) -> None:
     and a stop.
     """
     solver, skill = arm.solver, trial.skill
-    start = arm.queries.start_by_pose(Pose(skill.start_pose[:3], skill.start_pose[3:]))
+    if trial.robot.takes_poses:
+        start = arm.queries.start_by_pose(Pose(skill.start_pose[:3], skill.start_pose[3:]))
+        position, quaternion = skill.goal_pose[:3], skill.goal_pose[3:]
+        goals = [partial(trial.prepared_goal, position + aside, quaternion) for aside in (0.0, 0.003)]
+    else:
+        start = skill.mean_configuration("start")
+        end = skill.mean_configuration("goal")
+        goals = [partial(trial.prepared_configuration, end + aside) for aside in (0.0, 0.02)]
     trial.stand_at(trial.robot.ready if isinstance(start, Verdict) else start, 0.0)
-    position, quaternion = skill.goal_pose[:3], skill.goal_pose[3:]
-    trial.set_goal(position, quaternion)
+    trial.take_goal(goals[0]())
     for time in (0.0, 0.1, 0.2):
         trial.take_obstacles(Obstacles.one_of_each(np.array([0.0, 0.0, 3.0 + time]), np.full(3, 1e-3), time))
         trial.tick(time)
-    goal = trial.prepared_goal(position + 0.003, quaternion)
+    goal = goals[1]()
     trial.take_goal(goal)
     trial.tick(0.3)
     query, commanded = None if isinstance(goal, Verdict) else goal.query, trial.commanded(0.3)

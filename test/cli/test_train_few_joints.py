@@ -18,6 +18,7 @@ from geodesic_motion_ros.cli.recorded import refuse_unsaid_order
 from geodesic_motion_ros.demonstrations.demonstrations import Demonstration, Demonstrations
 from geodesic_motion_ros.demonstrations.joint_demonstrations import JointDemonstration, JointDemonstrations
 from geodesic_motion_ros.demonstrations.writers import save_joint_demonstrations
+from geodesic_motion_ros.geometry.quaternions import multiply
 from geodesic_motion_ros.learning.joint_training import train_joint_space_skill
 from geodesic_motion_ros.learning.settings import JointTrainingSettings
 from geodesic_motion_ros.planning.declared_scene import DeclaredScene
@@ -93,6 +94,10 @@ def test_an_arm_of_few_joints_is_planned_for(skill: Skill) -> None:
     planner = ReactivePlanner(skill, PlannerSettings(detour=0.2), scene=DeclaredScene.empty())
     start, goal = skill.canonical.start_poles[0], skill.canonical.goal_poles[0]
     planner.stand_at(start, now=0.0)
+    position, quaternion = planner.robot.forward(goal)
+    refused = planner.set_goal(position, multiply(quaternion, np.array([0.96, 0.28, 0.0, 0.0])))
+    assert f"an arm of {len(start)} joints holds its tool in few poses" in refused.reason
+    assert "goal_joints" in refused.reason
     assert planner.set_goal_configuration(goal).ok
     plan = planner.tick(now=0.0)
     assert plan.verdict.ok

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 
@@ -110,6 +111,34 @@ def test_a_planner_that_stands_has_loaded_every_kernel_of_its_ticks(skill: str) 
     many, rest = done.stdout.strip().split(" ", 1)
     assert many == "True"
     # The scenes are not all free, nor all blocked.
+    assert "'OK'" in rest
+    assert "'NO_FEASIBLE_PATH'" in rest
+    assert rest.endswith(" []"), rest
+
+
+#: An arm that takes configurations as goals, for it holds few poses.
+FEW_JOINTS = """
+skill = Skill.load(sys.argv[1])
+planner = ReactivePlanner(skill, scene=DeclaredScene.empty())
+before = loaded()
+path = skill.canonical.configurations.mean(axis=0)
+codes = set()
+planner.stand_at(path[0], 0.0)
+planner.set_goal_configuration(path[-1])
+places = end_effector_poses(path[:: len(path) // 10].copy(), planner.robot.chain)[0]
+for (time_of, obstacles), deadline in zip(scenes(places), deadlines()):
+    planner.take_obstacles(obstacles)
+    codes.add(planner.tick(time_of, deadline).verdict.code.name)
+print(len(before) > 40, sorted(codes), sorted(loaded() - before))
+"""
+
+
+def test_a_planner_of_few_joints_has_loaded_them_too() -> None:
+    folder = Path(__file__).resolve().parents[1] / "skills" / "arm_of_5"
+    done = subprocess.run([sys.executable, "-c", COMMON + FEW_JOINTS, folder], capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    many, rest = done.stdout.strip().split(" ", 1)
+    assert many == "True"
     assert "'OK'" in rest
     assert "'NO_FEASIBLE_PATH'" in rest
     assert rest.endswith(" []"), rest
