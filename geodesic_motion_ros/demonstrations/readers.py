@@ -157,10 +157,23 @@ def joint_takes(
 
 
 def in_radians(takes: Sequence[Take], units: str | None) -> list[Take]:
-    """Takes of joints that were recorded in `units`: "deg", "rad", or "" and None, which are radians."""
+    """Takes of joints that were recorded in `units`: "deg", "rad", or "" and None, which are radians.
+
+    Raises
+    ------
+    DemonstrationError : there is no such unit, or no joint comes farther than radians do.
+    """
     if units not in (*ANGLES, "", None):
         raise DemonstrationError(f"joints in {units}: they are in {' or '.join(ANGLES)}")
-    return [replace(take, values=np.radians(take.values)) for take in takes] if units == "deg" else [*takes]
+    if units != "deg":
+        return [*takes]
+    farthest = max(float(np.nanmax(np.abs(take.values), initial=0.0)) for take in takes)
+    if farthest <= 2.0 * np.pi:
+        raise DemonstrationError(
+            f"no joint comes farther than {farthest:.3g} deg from 0: are these radians? Joints are read in radians "
+            "where neither --units nor the header says deg"
+        )
+    return [replace(take, values=np.radians(take.values)) for take in takes]
 
 
 def _as_found(takes: list[Take], mapped: MappedTables) -> list[Take]:

@@ -6,6 +6,7 @@ import pytest
 from geodesic_motion_ros.demonstrations.column_names import parse_columns
 from geodesic_motion_ros.demonstrations.readers import (
     holds_joints,
+    joint_takes,
     read_demonstrations,
     read_joint_demonstrations,
 )
@@ -448,3 +449,16 @@ class TestFolders:
     def test_a_folder_without_any_is_refused(self, tmp_path):
         with pytest.raises(DemonstrationError, match=r"is a directory without \.csv files"):
             read_demonstrations(tmp_path, "cm")
+
+
+def test_radians_that_are_said_to_be_degrees_are_refused(tmp_path):
+    robot = Robot.named("panda")
+    path = robot.ready + np.linspace(0.0, 0.4, 50)[:, None] * np.eye(7)[0]
+    for unit, rows in (("rad", path), ("deg", np.degrees(path))):
+        write_csv(tmp_path / f"{unit}.csv", ["demonstration", *robot.joint_names], [["one", *row] for row in rows])
+    with pytest.raises(DemonstrationError, match=r"no joint comes farther than 2\.\d+ deg from 0: are these radians\?"):
+        joint_takes(tmp_path / "rad.csv", "panda", units="deg")
+    # the control
+    (said,) = joint_takes(tmp_path / "deg.csv", "panda", units="deg")
+    (unsaid,) = joint_takes(tmp_path / "rad.csv", "panda")
+    np.testing.assert_allclose(said.values, unsaid.values, atol=1e-12)
