@@ -14,7 +14,7 @@ import numpy as np
 from rclpy.serialization import deserialize_message
 from sensor_msgs.msg import JointState
 
-from geodesic_motion_ros.nodes.messages import MessageRefused, check_limits, read_some_joints, seconds
+from geodesic_motion_ros.nodes.messages import MessageRefused, check_limits, other_prefix, read_some_joints, seconds
 from geodesic_motion_ros.nodes.node_time import Moment
 from geodesic_motion_ros.nodes.plausible_joints import OVERTAKEN, PlausibleJoints
 from geodesic_motion_ros.nodes.refusals import Refusals
@@ -81,8 +81,9 @@ class ArmState:
         # When the newest message about the arm came [s].
         self._heard = -np.inf
         self._has_no_positions = False
-        # When `remarks` was asked last [s], of how many states, and how often in a row these came too slowly.
-        self._asked, self._counted, self._slow = 0.0, 0, 0
+        # When `remarks` was asked last [s], of how many states, and how often in a row these came too slowly, or joints
+        # had not been heard of.
+        self._asked, self._counted, self._slow, self._unheard = 0.0, 0, 0, 0
 
     def receive(self, wire: bytes, arrival: Moment) -> None:
         """Note a serialised JointState; any thread may call this."""
@@ -140,7 +141,10 @@ class ArmState:
         rate = (self.count - self._counted) / max(now - self._asked, _SAME)
         self._asked, self._counted = now, self.count
         self._slow = self._slow + 1 if 0.0 < rate * timeout < _PERIODS else 0
-        remarks = {"clock": self.clock.remark(now)}
+        lacking = "" if self.joints is not None else self._lacking()
+        # Not before it is certain: drivers publish in several messages, and a gripper's may be the first.
+        self._unheard = self._unheard + 1 if lacking else 0
+        remarks = {"clock": self.clock.remark(now), "names": lacking if self._unheard > 1 else ""}
         if self._slow > 1:
             remarks["rate"] = (
                 f"states come {rate:.0f} times a second, state_timeout is {timeout:g} s: one that is a little late "
@@ -214,9 +218,7 @@ class ArmState:
 
     def _remedy(self) -> str:
         """What to do where the joints of the messages are called otherwise than the arm's."""
-        own = [name.removeprefix(self._prefix) for name in self._names]
-        for name in self._others:
-            prefix = name.removesuffix(own[0])
-            if prefix != name and all(prefix + one in self._others for one in own):
-                return f"set the parameter joint_prefix to '{prefix}'"
+        prefix = other_prefix(self._others, self._names, self._prefix)
+        if prefix is not None:
+            return f"set the parameter joint_prefix to '{prefix}'"
         return "remap joint_states to the topic of this arm, or name its joints as its URDF does"

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import array
 import math
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from typing import Protocol
 
 import numpy as np
@@ -146,17 +146,34 @@ def check_limits(joints: np.ndarray, robot: Robot, places: np.ndarray | slice = 
         raise MessageRefused(f"joints beyond their limits [rad]: {beyond}; is this another robot, or degrees?")
 
 
-def read_joint_trajectory(message: JointTrajectory, robot: Robot) -> JointWaypoints:
+def other_prefix(there: Collection[str], names: Sequence[str], prefix: str) -> str | None:
+    """What names of a message begin with where they are joints of this robot with another prefix than `names` have."""
+    own = [name.removeprefix(prefix) for name in names]
+    for name in there:
+        other = name.removesuffix(own[0])
+        if other != name and other != prefix and all(other + one in there for one in own):
+            return other
+    return None
+
+
+def read_joint_trajectory(message: JointTrajectory, robot: Robot, prefix: str = "") -> JointWaypoints:
     """The waypoints of a trajectory in the robot's order of joints; the message may use any.
 
     Accepted is what joint_trajectory_controller accepts of all its joints for a position interface, as it is configured
     by default: at least one point, strictly increasing times, last velocities of zero, no efforts. Refused in addition
     is what it would play but no arm should: numbers that are not finite, positions beyond the limits, velocities or
     accelerations that only some points have, accelerations without velocities.
+
+    prefix : that of the robot's names, to say which one the message has.
     """
     names, points = message.joint_names, message.points
     missing = [name for name in robot.joint_names if name not in names]
     unknown = [name for name in names if name not in robot.joint_names]
+    if missing and (other := other_prefix(names, robot.joint_names, prefix)) is not None:
+        raise MessageRefused(
+            f"joint trajectory names {', '.join(names)}; expected {', '.join(robot.joint_names)}: set the parameter "
+            f"joint_prefix to '{other}'"
+        )
     for fault, which in (("lacks", missing), ("has unknown", unknown)):
         if which:
             raise MessageRefused(

@@ -347,7 +347,7 @@ class TwinNode(LoopingNode):
 
     def _on_trajectory(self, message: JointTrajectory) -> None:
         with self.refusals.guard(_TRAJECTORIES):
-            waypoints = read_joint_trajectory(message, self._arm)
+            waypoints = read_joint_trajectory(message, self._arm, self._options["joint_prefix"])
             begin = seconds(message.header.stamp) or None
             self._ask(_Command(_TRAJECTORIES, partial(self.world.set_joint_trajectory, waypoints, begin)))
 

@@ -184,6 +184,21 @@ class TestNames:
         assert fault.startswith("the messages name left_panda_joint1, left_panda_joint2,")
         assert f"expected {', '.join(NAMES)}: set the parameter joint_prefix to 'left_'" in fault
 
+    def test_that_do_not_fit_are_a_remark_as_soon_as_it_is_certain(self, driver):
+        """The log has STALE_STATE as it begins alone, when nothing may have arrived yet."""
+
+        def after_a_second() -> dict[str, str]:
+            driver.go(1.0)
+            driver.send([f"left_{name}" for name in NAMES], positions=READY)
+            driver.state.update()
+            return driver.state.remarks(driver.now, 0.25)
+
+        assert after_a_second() == {}
+        assert after_a_second() == {"names": f"joint_states: {driver.fault()}"}
+        driver.send()
+        driver.state.update()
+        assert driver.state.remarks(driver.now, 0.25) == {}
+
     def test_without_the_prefix_that_is_set(self):
         driver = Driver(prefix="left_")
         driver.send(NAMES, positions=READY)

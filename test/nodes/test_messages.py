@@ -164,6 +164,15 @@ class TestJointTrajectory:
         with pytest.raises(m.MessageRefused, match="names a joint twice"):
             m.read_joint_trajectory(message, PANDA)
 
+    @pytest.mark.parametrize(("sent", "expected"), [("left_", ""), ("", "left_"), ("right_", "left_")])
+    def test_joints_with_another_prefix_are_named_with_the_remedy(self, sent, expected):
+        message = trajectory()
+        message.joint_names = list(PANDA.prefixed(sent).joint_names)
+        with pytest.raises(m.MessageRefused) as refusal:
+            m.read_joint_trajectory(message, PANDA.prefixed(expected), expected)
+        assert f"names {sent}panda_joint1, {sent}panda_joint2, " in str(refusal.value)
+        assert str(refusal.value).endswith(f"{expected}panda_joint7: set the parameter joint_prefix to '{sent}'")
+
     @pytest.mark.parametrize(
         ("message", "reason"),
         [
