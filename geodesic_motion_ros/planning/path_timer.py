@@ -77,7 +77,7 @@ class PathTimer:
         tool: LimitedTool,
         certifier: ArmCertifier,
     ) -> None:
-        self._step = float(np.min(graph.grid.spacing))
+        self._step = graph.grid.step
         self._width = constants.REFINED_WIDTH if settings.refine else constants.UNREFINED_WIDTH
         factor = constants.TOOL_SMOOTHING_FACTOR if isinstance(graph, PoseGraph) else 1.0
         self._joint_width = factor * self._width

@@ -204,7 +204,7 @@ def smoothed_path(graph: PoseGraph, query: PoseQuery, polyline: np.ndarray, widt
 
     widths : of both smoothings, in grid steps; the path has a sample for each step.
     """
-    step = float(np.min(graph.grid.spacing))
+    step = graph.grid.step
     path = decoded_path(graph, query, smooth_latent(resample_latent(polyline, step), widths[0]))
     positions, quaternions = smooth_poses(path.positions, path.quaternions, widths[1])
     if quaternions[0] @ query.start.quaternion < 0.0:

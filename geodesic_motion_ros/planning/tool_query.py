@@ -184,7 +184,7 @@ class ToolQueryBuilder:
         self._links = LinkBounds.of(collision)
         self._radii = np.array(settings.tool_radii, dtype=float)
         self._poses = PoseQueryBuilder(skill, graph, settings)
-        self._step = float(np.min(graph.grid.spacing))
+        self._step = graph.grid.step
 
     def guarding(self, collision: CollisionModel, settings: PlannerSettings) -> ToolQueryBuilder:
         """The same where other spheres are kept away from obstacles, with another margin."""

@@ -5,6 +5,7 @@ import pytest
 
 from geodesic_motion_ros.manifold import grid as grid_module
 from geodesic_motion_ros.manifold.grid import Adjacency, LatentGrid, stencil
+from geodesic_motion_ros.planning.path_smoothing import resample_latent, smooth_latent
 from geodesic_motion_ros.utils.errors import PlanningError
 
 
@@ -84,3 +85,23 @@ def test_a_grid_that_memory_does_not_hold_is_refused_before_it_is_made_and_a_sma
 def test_where_the_system_does_not_tell_its_memory_nothing_is_refused(monkeypatch, tmp_path):
     monkeypatch.setattr(grid_module, "_MEMORY", tmp_path / "none")
     LatentGrid(np.zeros(2), np.ones(2), (10**9, 10**9))
+
+
+@pytest.mark.parametrize("thickness", [1e-6, 0.02, 0.2])
+def test_an_axis_that_the_network_does_not_use_leaves_the_smoothing_of_paths_as_it_is_without_it(thickness):
+    """Steps as small as its spacing would leave corners of the grid in the path, which no arm can pass."""
+    flat = LatentGrid(np.zeros(2), np.array([6.0, 4.0]), (50, 50))
+    grid = LatentGrid(np.zeros(3), np.array([6.0, thickness, 4.0]), (50, 50, 50))
+    assert grid.step == flat.step == pytest.approx(4.0 / 49.0, rel=1e-15)
+    along = np.repeat(np.arange(30), 2)
+    stairs = flat.spacing * np.stack([along[1:], along[:-1]], axis=1)
+    raised = np.insert(stairs, 1, 0.5 * thickness, axis=1)
+    in_plane, in_space = (smooth_latent(resample_latent(path, flat.step), 2.0) for path in (stairs, raised))
+    np.testing.assert_allclose(np.delete(in_space, 1, axis=1), in_plane, rtol=0.0, atol=1e-12)
+    chords = np.diff(in_plane, axis=0)
+    chords /= np.linalg.norm(chords, axis=1, keepdims=True)
+    assert np.min(np.sum(chords[1:] * chords[:-1], axis=1)) > np.cos(np.radians(45.0))
+
+
+def test_axes_of_much_the_same_spacing_count_alike():
+    assert LatentGrid(np.zeros(2), np.array([4.0, 2.0]), (5, 5)).step == 0.5

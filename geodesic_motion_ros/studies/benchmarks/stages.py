@@ -111,7 +111,7 @@ class SkillBench:
     def _curve(self, polyline: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Configurations (m, eta) along a latent polyline (p, d), and their latent points (m, d)."""
         graph = self.planner.graph
-        latent = smooth_latent(resample_latent(polyline, float(np.min(graph.grid.spacing))), _WIDTH)
+        latent = smooth_latent(resample_latent(polyline, graph.grid.step), _WIDTH)
         carried = self.query.offsets.carried(graph.decoder.configurations(latent), *graph.progress_map(latent))
         return smooth_latent(carried, _WIDTH), latent
 
