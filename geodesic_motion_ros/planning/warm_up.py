@@ -29,11 +29,11 @@ def load_kernels(trial: ReactivePlanner, arm: GuardedArm) -> None:
     if trial.robot.takes_poses:
         start = arm.queries.start_by_pose(Pose(skill.start_pose[:3], skill.start_pose[3:]))
         position, quaternion = skill.goal_pose[:3], skill.goal_pose[3:]
-        goals = [partial(trial.prepared_goal, position + aside, quaternion) for aside in (0.0, 0.003)]
+        goals = [partial(trial.prepared_goal, position + offset, quaternion) for offset in (0.0, 0.003)]
     else:
         start = skill.mean_configuration("start")
         end = skill.mean_configuration("goal")
-        goals = [partial(trial.prepared_configuration, end + aside) for aside in (0.0, 0.02)]
+        goals = [partial(trial.prepared_configuration, end + offset) for offset in (0.0, 0.02)]
     trial.stand_at(trial.robot.ready if isinstance(start, Verdict) else start, 0.0)
     trial.take_goal(goals[0]())
     for time in (0.0, 0.1, 0.2):

@@ -140,7 +140,7 @@ def test_what_does_not_fit_is_named(urdf: Path, tmp_path: Path, before: str, aft
 
 
 def test_links_that_are_far_from_the_rest_are_named(urdf: Path, tmp_path: Path) -> None:
-    """The jib's body as if in another frame, 0.5 m aside. The control: the arm as it is."""
+    """The jib's body as if in another frame, 0.5 m beside its place. The control: the arm as it is."""
     assert make_robot(urdf, "foot", "hook", tmp_path / "whole", LIMITS, ready=READY).adrift() == {}
     urdf.write_text(ARM.replace('<origin xyz="0.075 0 0"/>', '<origin xyz="0.075 0.5 0"/>'))
     adrift = make_robot(urdf, "foot", "hook", tmp_path / "torn", LIMITS, ready=READY).adrift()
