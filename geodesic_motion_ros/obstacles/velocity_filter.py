@@ -123,14 +123,11 @@ class ObstacleMotion:
     @property
     def error(self) -> float:
         """Bound of the error of the velocity [m/s]: of the line, and by how it has changed in the last two seconds."""
-        stands = not any(self.velocity)
-        return self._velocity_error + (0.0 if stands else self._history.error(self.velocity, self.noise.deviation))
+        return self._velocity_error + self._history.error(self.velocity, self.noise.deviation)
 
     @property
     def bounds(self) -> VelocityBounds:
         """`error`, in two parts where the velocity has changed along its direction alone."""
-        if not any(self.velocity):
-            return VelocityBounds(0.0, self._velocity_error)
         along, across = self._history.bounds(self.velocity, self.noise.deviation)
         return VelocityBounds(along, across + self._velocity_error)
 

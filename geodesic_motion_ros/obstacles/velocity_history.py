@@ -85,10 +85,13 @@ class VelocityHistory:
 
         e = min(CHANGE_FACTOR max(0, c - NOISE_FACTOR noise), f), where c is the largest distance of v from its means
         over three intervals within the memory, and f the fastest that the obstacle has been then: where it turns back
-        its velocity is next to none, and changes most. An estimate, no guarantee: who stands may start.
+        its velocity is next to none, and changes most. What stands, with no velocity at all, has no error. An estimate,
+        no guarantee: who stands may start.
 
         noise : standard deviation of a position in each axis [m].
         """
+        if not any(velocity):
+            return 0.0
         change = max((math.dist(mean, velocity) for _, mean in self._means), default=0.0)
         return self._bounded(change, velocity, noise)
 
@@ -102,6 +105,8 @@ class VelocityHistory:
         """`error` in two parts: along the present velocity, where it is its speed that has changed, and across it. Each
         is worked out as `error`, of the parts of the changes in its direction.
         """
+        if not any(velocity):
+            return VelocityBounds(0.0, 0.0)
         speed = math.hypot(*velocity)
         along = across = 0.0
         for _, mean in self._means:

@@ -84,6 +84,17 @@ def test_an_obstacle_of_which_little_is_known_has_no_error() -> None:
     assert history.error((0.1, 0.0, 0.0)) == 0.0
 
 
+def test_what_has_come_to_a_stand_has_no_error_and_what_turns_back_has_that_of_its_speed() -> None:
+    """Both have moved at 0.2 m/s until now."""
+    history = VelocityHistory()
+    for time in np.arange(0.0, 1.05, 0.1).tolist():
+        history.see((0.2 * time, 0.0, 0.0), time)
+    stands, turns = (0.0, 0.0, 0.0), (1e-3, 0.0, 0.0)
+    assert history.error(stands) == 0.0
+    assert history.bounds(stands) == (0.0, 0.0)
+    assert history.error(turns) == pytest.approx(0.2)
+
+
 def test_changes_that_may_come_from_noise_do_not_count_and_larger_ones_do() -> None:
     """Known velocities, so that the means over three intervals of 0.1 s alone are noisy: by 4.7 times the noise."""
     times, noise = np.arange(0.0, 60.0, 1.0 / 30.0), 0.01
