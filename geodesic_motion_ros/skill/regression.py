@@ -18,6 +18,8 @@ to find, and what is found then is what few demonstrations and the choice of a p
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -60,14 +62,14 @@ def regression_penalty(features: np.ndarray, curves: np.ndarray) -> float:
     if count < FEWEST_DEMONSTRATIONS:
         return math.inf
     few = curves[:, np.linspace(0, curves.shape[1] - 1, GAIN_SAMPLES).round().astype(int)]
-    weights = np.stack([_left_out_weights(features, penalty) for penalty in PENALTIES])
-    off_mean = _left_out_distances(_left_out_weights(features, math.inf), few)
-    gains = off_mean - _left_out_distances(weights, few)
+    left_out = _LeftOut.of(features, PENALTIES)
+    off_mean = _LeftOut.of(features, [math.inf]).distances(few)
+    gains = off_mean - left_out.distances(few)
     best = gains[np.argmax(gains.mean(axis=1))]
     random, by_chance = np.random.default_rng(0), 0
     for _ in range(SHUFFLES):
         order = random.permutation(count)
-        shuffled = off_mean - _left_out_distances(weights[:, order[:, None], order], few)
+        shuffled = off_mean - left_out.shuffled(order).distances(few)
         by_chance += bool(np.any(shuffled.mean(axis=1) >= best.mean()))
         if 1 + by_chance > LEVEL * (1 + SHUFFLES):
             return math.inf
@@ -76,16 +78,44 @@ def regression_penalty(features: np.ndarray, curves: np.ndarray) -> float:
     return max(penalty for penalty, near in zip(PENALTIES, within, strict=True) if near)
 
 
-def _left_out_weights(features: np.ndarray, penalty: float) -> np.ndarray:
-    """(N, N): row i the weights of the others for demonstration i, which has none itself."""
-    count = len(features)
-    weights = np.zeros((count, count))
-    for left_out in range(count):
-        others = np.arange(count) != left_out
-        weights[left_out, others] = regression_weights(features[others], features[left_out], penalty)
-    return weights
+@dataclass(frozen=True)
+class _LeftOut:
+    """Regressions on all demonstrations but one, for each of N; the work of `distances` grows with N, not its square.
 
+    features : (N, f). centres : (N, f) means of those of the others.
+    slopes : (P, N, f), so that for each of P penalties the others' weights for demonstration i are 1 / (N - 1) +
+        (features - centres[i]) @ slopes[:, i]: `regression_weights` for the features of i.
+    """
 
-def _left_out_distances(weights: np.ndarray, curves: np.ndarray) -> np.ndarray:
-    """Mean distance (..., N) of each curve (N, T, D) from what the weights (..., N, N) predict for it."""
-    return np.linalg.norm(np.tensordot(weights, curves, axes=1) - curves, axis=-1).mean(axis=-1)
+    features: np.ndarray
+    centres: np.ndarray
+    slopes: np.ndarray
+
+    @classmethod
+    def of(cls, features: np.ndarray, penalties: Sequence[float]) -> _LeftOut:
+        count, dimension = features.shape
+        slopes = np.zeros((len(penalties), count, dimension))
+        centres = (features.sum(axis=0) - features) / (count - 1)
+        for i in range(count):
+            centred = np.delete(features, i, axis=0) - centres[i]
+            scatter = centred.T @ centred
+            size = np.trace(scatter) / (count - 1)
+            for k, penalty in enumerate(penalties):
+                if size > 0.0 and not math.isinf(penalty):
+                    ridge = scatter + penalty * size * np.eye(dimension)
+                    slopes[k, i] = np.linalg.solve(ridge, features[i] - centres[i])
+        return cls(features, centres, slopes)
+
+    def shuffled(self, order: np.ndarray) -> _LeftOut:
+        """Those of the features in another order."""
+        return _LeftOut(self.features[order], self.centres[order], self.slopes[:, order])
+
+    def distances(self, curves: np.ndarray) -> np.ndarray:
+        """Mean distance (P, N) of each curve (N, T, D) from what is predicted for it."""
+        rows = curves.reshape(len(curves), -1)
+        others = rows.sum(axis=0) - rows
+        of_its_own = np.sum(self.slopes * self.features, axis=-1, keepdims=True)
+        of_centres = np.sum(self.slopes * self.centres, axis=-1, keepdims=True)
+        moved = self.slopes @ (self.features.T @ rows) - of_its_own * rows - of_centres * others
+        off = others / (len(rows) - 1) + moved - rows
+        return np.linalg.norm(off.reshape(len(off), *curves.shape), axis=-1).mean(axis=-1)

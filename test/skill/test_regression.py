@@ -7,6 +7,7 @@ import math
 import numpy as np
 import pytest
 
+from geodesic_motion_ros.skill import regression
 from geodesic_motion_ros.skill.regression import LEVEL, PENALTIES, regression_penalty, regression_weights
 
 S = np.linspace(0.0, 1.0, 40)
@@ -93,3 +94,24 @@ def test_a_law_under_noise_is_regressed_on_with_a_larger_penalty_than_a_clear_on
 def test_the_order_of_the_demonstrations_does_not_matter_where_the_law_is_strong():
     known, curves, _ = lawful(np.random.default_rng(4), 9, noise=0.002)
     assert regression_penalty(known[::-1], curves[::-1]) == regression_penalty(known, curves)
+
+
+@pytest.mark.parametrize(("count", "dimension"), [(5, 12), (9, 14), (30, 6)])
+def test_what_is_left_out_is_predicted_with_the_weights_of_the_others(count, dimension):
+    random = np.random.default_rng(3)
+    features, curves = random.normal(size=(count, dimension)), random.normal(size=(count, 7, 3))
+    penalties, order = [0.03, 1.0, math.inf], random.permutation(count)
+    found = regression._LeftOut.of(features, penalties).shuffled(order).distances(curves)
+    shuffled = features[order]
+    for row, penalty in zip(found, penalties, strict=True):
+        for i in range(count):
+            others = np.arange(count) != i
+            weights = regression_weights(shuffled[others], shuffled[i], penalty)
+            off = np.tensordot(weights, curves[others], axes=1) - curves[i]
+            # sums of tens of numbers of about 10 at most, and matrices of a condition below 1e4
+            assert row[i] == pytest.approx(np.linalg.norm(off, axis=-1).mean(), rel=1e-9)
+
+
+def test_features_that_are_all_the_same_leave_the_mean():
+    left_out = regression._LeftOut.of(np.ones((7, 12)), PENALTIES)
+    assert not left_out.slopes.any()
