@@ -99,17 +99,22 @@ class Situation:
 
     @cached_property
     def widest_stop(self) -> Stop:
-        """The soonest stop along what is being played; where an obstacle meets the arm before that is over, the sooner
-        one that leaves the path, where the arm is met less deep on it, and neither by itself nor by the scene.
+        """The soonest stop along what is being played, or off it where that is safer.
+
+        A stop off the path is over sooner. It is taken where an obstacle meets the arm before the stop along the path
+        is over, and the other one keeps more clearance until then; it must be free of the scene and of the arm itself.
         """
         along = self.stop
-        if not self.settings.avoidance or self._clearance_while_stopping(along.swept) >= 0.0:
+        if not self.settings.avoidance:
+            return along
+        clearance = self._clearance_while_stopping(along.swept)
+        if clearance >= 0.0:
             return along
         reference = leaving_stop(self.played.reference, self.state.time - self.played.begin, self._played_limits)
         if reference is None:
             return along
         leaving = self._certified_stop(reference)
-        wider = self._clearance_while_stopping(leaving.swept) > self._clearance_while_stopping(along.swept)
+        wider = self._clearance_while_stopping(leaving.swept) > clearance
         return leaving if wider and self.certifier.objection(leaving.certificate, -math.inf) is None else along
 
     def _clearance_while_stopping(self, swept: SweptArm) -> float:
