@@ -75,8 +75,9 @@ class Played:
 
     def run_to_rest(self) -> Plan:
         """Until the arm stands, and the planner has tried everything that it can try from there."""
-        moved = self.now
+        began = moved = self.now
         while self.now < moved + 1.0:
+            assert moved <= began + self.nominal.duration + 1.0
             self.run(0.1)
             moved = self.now if np.any(self.planner.commanded(self.now)[1]) else moved
         return self.plans[-1]
