@@ -147,23 +147,6 @@ def _rows(q, chain):
     return rows
 
 
-@numba.njit(cache=True, nogil=True)
-def _solved(matrix, right):
-    """Solution (n,) of a symmetric positive system, by elimination; both are overwritten."""
-    count = len(right)
-    for k in range(count):
-        for i in range(k + 1, count):
-            share = matrix[i, k] / matrix[k, k]
-            for j in range(k, count):
-                matrix[i, j] -= share * matrix[k, j]
-            right[i] -= share * right[k]
-    for i in range(count - 1, -1, -1):
-        for j in range(i + 1, count):
-            right[i] -= matrix[i, j] * right[j]
-        right[i] /= matrix[i, i]
-    return right
-
-
 @numba.njit((VECTOR, VECTOR, VECTOR, numba.float64, CHAIN), cache=True, nogil=True)
 def _descend(start, position, quaternion, swivel, chain):
     """Where the descent ends (7,), and what remains there of pose and swivel, along the shorter arc, in one (7,)."""
@@ -185,7 +168,7 @@ def _descend(start, position, quaternion, swivel, chain):
                 gram[i, j] = damping if i == j else 0.0
                 for k in range(JOINTS):
                     gram[i, j] += rows[i, k] * rows[j, k]
-        pull, step, farthest = _solved(gram, error.copy()), np.zeros(JOINTS), 0.0
+        pull, step, farthest = np.linalg.solve(gram, error), np.zeros(JOINTS), 0.0
         for i in range(JOINTS):
             for j in range(JOINTS):
                 step[i] += rows[j, i] * pull[j]
