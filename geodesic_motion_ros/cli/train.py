@@ -187,6 +187,7 @@ def run(arguments: argparse.Namespace, measures: Mapping[str, Measure] | None = 
     if space == "task" and demonstrations.has_orientation and arguments.demos is not None:
         refuse_unsaid_order(arguments, arguments.demos, demonstrations)
         _report_orientations(arguments, demonstrations)
+    print(training.workload(), flush=True)
     with progress_bar(paths[0].stem) as progress:
         skill = training.learn(name, progress, _provenance(arguments, paths))
     if scene is not None:

@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     from geodesic_motion_ros.demonstrations.demonstrations import Demonstrations
     from geodesic_motion_ros.demonstrations.joint_demonstrations import JointDemonstrations
     from geodesic_motion_ros.learning.settings import JointTrainingSettings
+    from geodesic_motion_ros.learning.workload import Workload
     from geodesic_motion_ros.robot.kinematics import Robot
     from geodesic_motion_ros.skill.skill import Skill
 
@@ -68,6 +69,12 @@ class JointTraining:
     def tool_demonstrations(self) -> Demonstrations:
         """How the tool moves in what is learned from."""
         return self.learned_from.tool_demonstrations(self.robot)
+
+    def workload(self) -> Workload:
+        """The size of the training."""
+        from geodesic_motion_ros.learning.workload import Workload
+
+        return Workload.of(len(self.learned_from), self.settings)
 
     def learn(self, name: str, progress: Callable[[str, int, int], None], provenance: dict[str, Any]) -> Skill:
         from geodesic_motion_ros.learning.joint_training import train_joint_space_skill

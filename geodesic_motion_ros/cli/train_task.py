@@ -13,6 +13,7 @@ from geodesic_motion_ros.robot.description import DEFAULT_ROBOT
 if TYPE_CHECKING:
     from geodesic_motion_ros.demonstrations.demonstrations import Demonstrations
     from geodesic_motion_ros.learning.settings import TrainingSettings
+    from geodesic_motion_ros.learning.workload import Workload
     from geodesic_motion_ros.skill.skill import Skill
 
 _SETTINGS = ("orientation_model", "position_weight", "orientation_weight")
@@ -61,6 +62,13 @@ class TaskTraining:
     def tool_demonstrations(self) -> Demonstrations:
         """What is learned from."""
         return self.demonstrations.split(self.held_out)[0] if self.held_out else self.demonstrations
+
+    def workload(self) -> Workload:
+        """The size of the training."""
+        from geodesic_motion_ros.learning.workload import Workload
+
+        learned = self.tool_demonstrations()
+        return Workload.of(len(learned), self.settings, 2 if learned.has_orientation else 1)
 
     def learn(self, name: str, progress: Callable[[str, int, int], None], provenance: dict[str, Any]) -> Skill:
         from geodesic_motion_ros.learning.training import train_task_space_skill
