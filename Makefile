@@ -9,7 +9,7 @@ SHELL := /bin/bash
 PYTHON ?= python3.11 python3.12 python3.10 python3
 ARGS ?=
 # test/conftest.py says which tests a worker is handed, and in which order.
-workers := --numprocesses=auto --maxprocesses=2 --dist=loadgroup --no-loadscope-reorder
+workers := --dist=loadgroup --no-loadscope-reorder
 
 python := .venv/bin/python
 pytest := ROS_AUTOMATIC_DISCOVERY_RANGE=LOCALHOST ROS_PYTHON_CHECK_FIELDS=1 MPLBACKEND=Agg \
@@ -39,11 +39,12 @@ help: ## this list
 demo: $(kernels) ## a Panda takes its elbow out of a moving obstacle's path: two minutes, headless; pictures in out/demo
 	@MPLBACKEND=Agg $(python) -m geodesic_motion_ros demo $(ARGS) < /dev/null
 
-test: lint $(kernels) ## ruff, then the tests of the product, two at a time where there are two cores
-	@$(pytest) --ignore=test/studies $(ARGS) < /dev/null
+# Three on two cores: many tests wait. A worker of the studies may take 6 GB.
+test: lint $(kernels) ## ruff, then the tests of the product, three at a time
+	@$(pytest) --numprocesses=3 --ignore=test/studies $(ARGS) < /dev/null
 
 test-all: test ## these, then the tests of the studies
-	@$(pytest) test/studies $(ARGS) < /dev/null
+	@$(pytest) --numprocesses=auto --maxprocesses=2 test/studies $(ARGS) < /dev/null
 
 lint: $(ready) ## ruff
 	@$(python) -m ruff check .

@@ -51,7 +51,7 @@ def kept_graph(name: str, recipe: Mapping[str, Any]) -> ConfigurationGraph:
     SkillError where nothing of the box is supported.
     """
     folder = cache_folder()
-    file = None if folder is None else folder / "graphs" / f"{_digest_of_all(recipe)}.npz"
+    file = None if folder is None else folder / "graphs" / f"{digest_of(recipe)}.npz"
     if file is not None and (graph := _read(file, recipe)) is not None:
         return graph
     with _announced(f"building the latent graph of {name}, once: this may take a minute"):
@@ -116,7 +116,8 @@ def _announced(text: str) -> Iterator[None]:
         timer.cancel()
 
 
-def _digest_of_all(recipe: Mapping[str, Any]) -> str:
+def digest_of(recipe: Mapping[str, Any]) -> str:
+    """A name for everything in a recipe, for the code that makes a graph and for the machine."""
     hasher = hashlib.sha256(_made_by().encode())
     _add(hasher, dict(recipe))
     return hasher.hexdigest()
@@ -134,7 +135,7 @@ def _add(hasher: Any, value: Any) -> None:
     elif is_dataclass(value):
         _add(hasher, {field.name: getattr(value, field.name) for field in fields(value)})
     elif isinstance(value, dict):
-        _add(hasher, tuple(value.items()))
+        _add(hasher, tuple(sorted(value.items())))
     elif isinstance(value, tuple | list):
         hasher.update(f"({len(value)}".encode())
         for item in value:

@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from geodesic_motion_ros.demo import demo_node, demo_options, demo_run
+from geodesic_motion_ros.demo import demo_node, demo_run
 from geodesic_motion_ros.demo.demo_run import DemoError, Probe, Processes, Recording, Tick, isolated_environment
 from geodesic_motion_ros.demo.elbow_scene import ElbowScene
 
@@ -206,15 +206,12 @@ def test_a_scene_that_does_not_exist_is_named(tmp_path: Path) -> None:
 
 
 @pytest.mark.realtime
-@pytest.mark.parametrize(
-    ("skill", "extra"), [(demo_options.SKILL, {"families"}), ("panda_pouring", set())], ids=["the elbow", "the hand"]
-)
-def test_the_demo_hits_without_avoidance_and_passes_with_it(tmp_path: Path, skill: str, extra: set[str]) -> None:
-    process = demo_process(tmp_path, "--skill", skill, "--no-pictures")
+def test_the_demo_hits_without_avoidance_and_passes_with_it(tmp_path: Path) -> None:
+    process = demo_process(tmp_path, "--no-pictures")
     output, errors = process.communicate(timeout=280.0)
     summary = json.loads((tmp_path / "summary.json").read_text())
     runs = [run.key for run in demo_node.RUNS]
-    assert set(summary) == {"skill", "parameters", "passed", "warnings", *extra, *runs}, errors
+    assert set(summary) == {"skill", "parameters", "passed", "warnings", "families", *runs}, errors
     assert all(set(summary[run]) >= KEYS for run in runs)
     assert summary["no_obstacle"]["min_clearance_mm"] is None
     assert summary["avoidance_off"]["contacts"] > 0 or summary["avoidance_off"]["min_clearance_mm"] < 0.0

@@ -17,7 +17,27 @@ from geodesic_motion_ros.nodes.planner_node import PlannerNode
 from geodesic_motion_ros.planning.declared_scene import DeclaredScene
 from geodesic_motion_ros.robot.inverse_kinematics import solve
 from geodesic_motion_ros.robot.kinematics import Robot
-from geodesic_motion_ros.skill.skill import Skill
+from geodesic_motion_ros.skill.kept_graph import digest_of
+from geodesic_motion_ros.skill.skill import LearnedModel, Skill
+
+#: Of the skills that a test of this process has decoded, by what they are.
+GRAPHS: dict[str, Any] = {}
+
+
+@pytest.fixture(scope="module", autouse=True)
+def graphs_are_shared() -> Iterator[None]:
+    """Decode the graph of a skill once for all nodes of this process: it takes half of a planner's start."""
+    decode = LearnedModel.graph
+
+    def graph(skill: LearnedModel, *size: Any) -> Any:
+        key = digest_of({"skill": skill, "size": size})
+        if key not in GRAPHS:
+            GRAPHS[key] = decode(skill, *size)
+        return GRAPHS[key]
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(LearnedModel, "graph", graph)
+        yield
 
 
 @pytest.fixture(scope="session")

@@ -12,6 +12,9 @@ from geodesic_motion_ros.manifold.transport import Offsets
 from geodesic_motion_ros.skill.skill import Skill
 from geodesic_motion_ros.utils.errors import SkillError
 
+#: One worker trains the skills of both files.
+pytestmark = pytest.mark.xdist_group("trained skills")
+
 
 def edge_energies(graph):
     return graph.transported(Offsets.none(), np.zeros((1, 3))).energies()

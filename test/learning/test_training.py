@@ -15,6 +15,9 @@ from geodesic_motion_ros.manifold.encoder import TaskSpaceEncoder
 from geodesic_motion_ros.manifold.pose_graph import MetricSettings
 from geodesic_motion_ros.utils.errors import ParameterError
 
+#: One worker trains the skills of both files.
+pytestmark = pytest.mark.xdist_group("trained skills")
+
 TINY = TrainingSettings(
     sheet="raw", steps=30, samples=20, batch=32, hidden=(16, 8), kernels=20, precision_iterations=10
 )

@@ -1,4 +1,4 @@
-"""Same skill, same inputs: the same commands, byte for byte, in 10 runs, half of them in another process.
+"""Same skill, same inputs: the same commands, byte for byte, in 6 runs, half of them in another process.
 
 A run of either kind of skill holds 45 ticks in 1.8 s: the goal is another one after 0.6 s and the first again after
 1.5 s; of two spheres, published in every tick, one stands beside the path, the other comes and goes through it at 0.3
@@ -32,7 +32,7 @@ PERIOD, CYCLES = 0.04, 45
 #: In these ticks the goal is another one; from this one on no obstacle is left.
 OTHER_GOAL, NO_OBSTACLE = range(15, 38), 30
 #: Of one planner, in each process; one of a new planner follows.
-RUNS = 4
+RUNS = 2
 #: Where the sphere that goes through the path sets out, seen from between start and goal [m].
 BEGINS = {"panda_pouring": (0.5, 0.0, 0.1), "panda_reach_to_grasp": (0.35, -0.1, 0.0)}
 

@@ -45,11 +45,11 @@ def check(robot: Robot, found: np.ndarray, position: np.ndarray, quaternion: np.
 
 
 def test_the_closed_form_finds_nearly_nothing_that_is_not_found_numerically() -> None:
-    """Of 1000 poses within the limits, from starts within 0.02 rad of its solutions, and from evenly spread ones."""
+    """Of 300 poses within the limits, from starts within 0.02 rad of its solutions, and from evenly spread ones."""
     generator = np.random.default_rng(0)
     wanted = nearby = spread_out = 0
     starts = spread(PANDA, 256)
-    for configuration in PANDA.sample(1000, generator):
+    for configuration in PANDA.sample(300, generator):
         pose, last = PANDA.forward(configuration), configuration[-1]
         closed = solutions(PANDA, *pose, last)
         beside = closed + generator.uniform(-0.02, 0.02, closed.shape)
@@ -60,7 +60,7 @@ def test_the_closed_form_finds_nearly_nothing_that_is_not_found_numerically() ->
             nearby += np.sum(gaps < 1e-4) if begin is beside else 0
             spread_out += np.sum(gaps < 1e-4) if begin is starts else 0
         wanted += len(closed)
-    assert wanted > 2000
+    assert wanted > 600
     assert nearby >= 0.99 * wanted
     assert spread_out >= 0.99 * wanted
 
