@@ -34,8 +34,8 @@ _EPILOG = """\
 examples:
 {examples}
 
-`geodesic-motion COMMAND --help` explains a command. Exit status: 0 done, 2 a request is not possible (one
-line on standard error says what, and what would be), 130 interrupted.
+`geodesic-motion COMMAND --help` explains a command. Exit status: 0 done, 1 `train` has written a skill that
+has no motion, 2 a request is not possible (one line on standard error says what, and what would be), 130 interrupted.
 """
 
 

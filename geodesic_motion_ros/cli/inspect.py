@@ -19,7 +19,7 @@ from geodesic_motion_ros.cli.arguments import (
     pictured,
     writable,
 )
-from geodesic_motion_ros.cli.report import write_report
+from geodesic_motion_ros.cli.report import planner_of, write_report
 from geodesic_motion_ros.skill.description import DESCRIPTION
 from geodesic_motion_ros.utils.errors import GeodesicMotionError, ParameterError
 from geodesic_motion_ros.utils.tables import text_table, write_json
@@ -101,7 +101,7 @@ def run(arguments: argparse.Namespace) -> None:
     picture = _picture(arguments, path)
     pictured(skill, picture)
     if arguments.html is not None:
-        write_report(skill, picture, arguments.html)
+        write_report(planner_of(skill), picture, arguments.html)
 
 
 def run_recording(arguments: argparse.Namespace, path: Path, of_bags: bool) -> None:

@@ -8,23 +8,28 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from geodesic_motion_ros.demonstrations.recordings import Recording
+    from geodesic_motion_ros.planning.planner import ReactivePlanner
     from geodesic_motion_ros.skill.skill import Skill
 
 
-def write_report(skill: Skill, picture: Path, path: Path, recording: Recording | None = None) -> None:
-    """Write the page of a skill, and say where it is.
+def planner_of(skill: Skill) -> ReactivePlanner:
+    """Make the planner that the report of a skill is of: in the scene that the skill keeps, else in an empty one."""
+    from geodesic_motion_ros.planning.declared_scene import DeclaredScene
+    from geodesic_motion_ros.planning.planner import ReactivePlanner
+
+    # Without a scene there would be no detours to measure.
+    return ReactivePlanner(skill, scene=DeclaredScene.recorded(skill) or DeclaredScene.empty())
+
+
+def write_report(planner: ReactivePlanner, picture: Path, path: Path, recording: Recording | None = None) -> None:
+    """Write the page of a planner's skill, and say where it is.
 
     picture : of its latent space, as `pictured` draws it. recording : what it was learned from, where that is at hand.
     """
     from tqdm import tqdm
 
-    from geodesic_motion_ros.planning.declared_scene import DeclaredScene
-    from geodesic_motion_ros.planning.planner import ReactivePlanner
     from geodesic_motion_ros.visualization.skill_report import report_page
 
-    # Without a scene there would be no detours to measure.
-    scene = DeclaredScene.recorded(skill) or DeclaredScene.empty()
     shown = partial(tqdm, desc="largest spheres", unit="place")
-    page = report_page(ReactivePlanner(skill, scene=scene), picture.read_bytes(), recording, shown)
-    path.write_text(page, encoding="utf-8")
+    path.write_text(report_page(planner, picture.read_bytes(), recording, shown), encoding="utf-8")
     print(f"wrote its report to {path}")

@@ -24,7 +24,7 @@ from geodesic_motion_ros.cli.arguments import (
     writable,
 )
 from geodesic_motion_ros.cli.progress_bar import progress_bar
-from geodesic_motion_ros.cli.report import write_report
+from geodesic_motion_ros.cli.report import planner_of, write_report
 from geodesic_motion_ros.demonstrations.column_names import (
     DEFAULT_COLUMNS,
     parse_columns,
@@ -39,12 +39,24 @@ if TYPE_CHECKING:
     from geodesic_motion_ros.demonstrations.demonstrations import Demonstrations
     from geodesic_motion_ros.demonstrations.recordings import Recording
     from geodesic_motion_ros.planning.declared_scene import DeclaredScene
+    from geodesic_motion_ros.planning.planner import ReactivePlanner
     from geodesic_motion_ros.skill.skill import Skill
 
 # Motions smaller than this [m] look like a wrong unit; an error of this share of the motion is no skill.
 _SMALL, _POOR = 0.02, 0.2
 #: Most characters of --source and of --licence.
 _LONGEST_PROVENANCE = 2000
+#: Exit status where the skill that was written has no motion of its own.
+_UNUSABLE = 1
+_REMEDY = (
+    "are --robot, --units and the frame of the recording right (report.html shows the motion)? If so, give it more "
+    "--steps, or demonstrations of one task that the arm can hold"
+)
+#: The same where the arm, as it is modelled, is the cause.
+_REMEDIES = {
+    "IN_COLLISION": "is --robot right, and what its hand carries? If so, its spheres are too large there, or two links "
+    "are kept apart that are not: look at spheres.png of its folder, and mend spheres.yaml",
+}
 _SPACES = {"task": train_task, "joint": train_joint}
 _SPACE_NOTES = {
     "task": "poses of the tool: a skill of poses is learned",
@@ -68,6 +80,9 @@ With --held-out the skill is learned from the other demonstrations, and how well
 their start and goal is printed and kept in the skill. The folder also gets report.png, the picture of its latent
 space, and report.html, all that is known of the skill on one page. An existing skill in the folder is replaced,
 anything else is left alone.
+
+Last the skill is planned with, from the demonstrations' mean start to their mean goal. Exit status: 0 it has that
+motion; 1 it was written, and has none: a warning says why; 2 nothing was learned; 130 interrupted.
 
 examples:
   geodesic-motion train --demos pouring.npy --units cm --out skills/pouring
@@ -157,8 +172,8 @@ def _add_training(group: argparse._ArgumentGroup) -> None:
     group.add_argument("--kl-weight", type=float, help="weight of the divergence; 0.3 without it, the paper: 1")
 
 
-def run(arguments: argparse.Namespace, measures: Mapping[str, Measure] | None = None) -> None:
-    """Train, measure, save, report."""
+def run(arguments: argparse.Namespace, measures: Mapping[str, Measure] | None = None) -> int:
+    """Train, measure, save, plan with the skill, report; returns the exit status."""
     from geodesic_motion_ros.cli.recorded import read_recorded, refuse_unsaid_order
     from geodesic_motion_ros.planning.declared_scene import DeclaredScene
 
@@ -201,9 +216,15 @@ def run(arguments: argparse.Namespace, measures: Mapping[str, Measure] | None = 
     _note_the_result(skill.quality, extent)
     print(f"wrote the skill to {folder}")
     pictured(skill, folder / "report.png")
-    write_report(skill, folder / "report.png", folder / "report.html", recording)
+    planner = planner_of(skill)
+    objection = own_objection(planner)
+    write_report(planner, folder / "report.png", folder / "report.html", recording)
     if arguments.json is not None:
-        write_json(arguments.json, {"skill": skill.name, "folder": folder.as_posix(), "quality": skill.quality})
+        figures = {"skill": skill.name, "folder": folder.as_posix(), "quality": skill.quality, "unusable": objection}
+        write_json(arguments.json, figures)
+    if objection:
+        _note(f"the skill in {folder} moves no arm yet: {objection}")
+    return _UNUSABLE if objection else 0
 
 
 def _measure(measures: Mapping[str, Measure] | None, space: str) -> Measure:
@@ -299,6 +320,21 @@ def _note_the_result(quality: Mapping[str, Any], extent: float) -> None:
             f"a poor skill: it is {error:.1f} mm off its own demonstrations on average, which are {1e3 * extent:.0f} "
             "mm large; give it more --steps, or demonstrations of one task only"
         )
+
+
+def own_objection(planner: ReactivePlanner) -> str:
+    """Plan from the demonstrations' mean start to their mean goal, as demonstrated and without an obstacle: why there
+    is no motion, and what may help; "" where there is one.
+    """
+    skill = planner.skill
+    planner.set_detour(0.0)
+    verdict = planner.plan(*np.split(skill.start_pose, [3]), *np.split(skill.goal_pose, [3])).verdict
+    planner.set_detour(planner.settings.detour)
+    if verdict.ok:
+        return ""
+    code = verdict.code.name
+    remedy = _REMEDIES.get(code, _REMEDY)
+    return f"from its mean start to its mean goal, without an obstacle, {code}: {verdict.reason}; {remedy}"
 
 
 def _note(text: str) -> None:

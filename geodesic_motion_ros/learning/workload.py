@@ -41,7 +41,7 @@ class Workload:
         return cls(demonstrations, samples, fitted, kernels, memory, settings)
 
     def __str__(self) -> str:
-        steps, memory = self.settings.steps, f"about {1e-9 * self.memory:.1f} GB of memory beside the program's own"
+        steps, memory = self.settings.steps, f"{1e-9 * self.memory:.2f} GB of memory beside the program's own"
         several = "s" if self.demonstrations > 1 else ""
         learned = f"learning {self.samples} samples of {self.demonstrations} demonstration{several}: {steps} steps"
         if self.settings.schedule == "two_stage":

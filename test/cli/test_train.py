@@ -8,11 +8,15 @@ import numpy as np
 import pytest
 
 from geodesic_motion_ros import cli
+from geodesic_motion_ros.cli import train
+from geodesic_motion_ros.cli.report import planner_of
 from geodesic_motion_ros.planning.declared_scene import DeclaredScene
 from geodesic_motion_ros.skill.skill import Skill
 from geodesic_motion_ros.studies.cli import main
 
 BRIEFLY = ["--steps", "60", "--kernels", "60"]
+#: Exit statuses of a skill that was written: learned so briefly it need not have a motion.
+WRITTEN = (0, 1)
 pytestmark = pytest.mark.usefixtures("brief_training")
 
 
@@ -23,7 +27,7 @@ def trained(recording, brief_training, tmp_path_factory):
     folder = tmp_path_factory.mktemp("trained")
     arguments = ["train", "--demos", str(recording), "--units", "cm", "--out", str(folder / "reach"), *BRIEFLY]
     arguments += ["--held-out", "1", "--licence", "CC0-1.0", "--json", str(folder / "figures" / "reach.json")]
-    assert main(arguments) == 0
+    assert main(arguments) in WRITTEN
     return folder / "reach", folder / "figures" / "reach.json"
 
 
@@ -36,7 +40,8 @@ def test_a_skill_folder_comes_out_with_its_figures_and_its_picture(trained) -> N
     assert skill.provenance["demonstrations"] == ["reach_0", "reach_2", "reach_3"]
     assert 0.0 < skill.quality["held_out_dtw_mm"] < 100.0
     assert skill.quality["held_out_endpoint_after_mm"] < 1e-6
-    assert json.loads(figures.read_text())["quality"] == skill.quality
+    written = json.loads(figures.read_text())
+    assert written["quality"] == skill.quality
     assert (folder / "report.png").read_bytes().startswith(b"\x89PNG")
 
 
@@ -65,9 +70,10 @@ def test_the_scene_of_the_recording_is_kept_and_refused_where_demonstrations_ent
     recording, tmp_path, capsys
 ) -> None:
     arguments = ["train", "--demos", str(recording), "--units", "cm", *BRIEFLY]
-    assert main([*arguments, "--out", str(tmp_path / "on_a_table"), "--scene", "table"]) == 0
+    assert main([*arguments, "--out", str(tmp_path / "on_a_table"), "--scene", "table"]) in WRITTEN
     said = capsys.readouterr()
-    assert "warning" not in said.err  # a good recording is not remarked on
+    warnings = [line for line in said.err.splitlines() if "warning" in line]
+    assert all("moves no arm yet" in line for line in warnings)  # a good recording is not remarked on
     assert said.out.index("samples of 4 demonstrations: 60 steps") < said.out.index("wrote the skill")
     skill = Skill.load(tmp_path / "on_a_table")
     assert DeclaredScene.recorded(skill).names == ("table",)
@@ -84,9 +90,9 @@ def test_an_old_skill_is_replaced_by_the_papers_form_of_it(recording, tmp_path) 
     folder = tmp_path / "skill"
     arguments = ["train", "--demos", str(recording), "--units", "cm", "--out", str(folder)]
     arguments += ["--steps", "60", "--kernels", "20", "--seed", "5", "--sheet", "raw"]
-    assert main(arguments) == 0
+    assert main(arguments) in WRITTEN
     assert Skill.load(folder).orientation_model == "two_cluster"
-    assert main([*arguments, "--paper", "--name", "as published"]) == 0
+    assert main([*arguments, "--paper", "--name", "as published"]) in WRITTEN
     skill = Skill.load(folder)
     assert (skill.name, skill.orientation_model, skill.metric.sigma_weight) == ("as published", "sign_blind", 1.0)
     assert skill.metric.orientation_scale == "kappa"
@@ -112,7 +118,7 @@ def test_a_single_small_and_badly_learned_demonstration_is_remarked_on(recording
     small[..., :3] = 40.0 + 0.03 * (small[..., :3] - 40.0)  # less than two centimetres in all
     np.save(tmp_path / "small.npy", small)
     arguments = ["train", "--demos", str(tmp_path / "small.npy"), "--units", "cm", "--out", str(tmp_path / "skill")]
-    assert main([*arguments, "--steps", "1", "--kernels", "10"]) == 0
+    assert main([*arguments, "--steps", "1", "--kernels", "10"]) in WRITTEN
     said = capsys.readouterr().err
     assert "one demonstration only" in said
     assert "mm large: is --units right?" in said
@@ -134,6 +140,31 @@ def test_what_a_skill_cannot_hold_is_refused_before_the_training(recording, tmp_
     assert main([*arguments, option, value]) == 2
     assert said in capsys.readouterr().err
     assert not (tmp_path / "s").exists()
+
+
+def test_a_skill_that_the_arm_cannot_hold_is_written_and_warned_of(recording, tmp_path, capsys) -> None:
+    """The same reaches half a metre farther away, where the tool of a Panda does not come."""
+    moved = np.load(recording)
+    moved[..., 0] += 50.0
+    np.save(tmp_path / "far.npy", moved)
+    arguments = ["train", "--demos", str(tmp_path / "far.npy"), "--units", "cm", "--out", str(tmp_path / "skill")]
+    assert main([*arguments, *BRIEFLY, "--json", str(tmp_path / "skill.json")]) == 1
+    said = capsys.readouterr().err.splitlines()[-1]
+    objection = json.loads((tmp_path / "skill.json").read_text())["unusable"]
+    assert said == f"geodesic-motion: warning: the skill in {tmp_path / 'skill'} moves no arm yet: {objection}"
+    assert "_OUT_OF_SUPPORT: " in said
+    assert "are --robot, --units and the frame of the recording right" in said
+    assert objection.split(": ")[1].split("; are --robot")[0] in (tmp_path / "skill" / "report.html").read_text()
+    Skill.load(tmp_path / "skill")
+
+
+def test_a_shipped_skill_has_a_motion_of_its_own() -> None:
+    for name in ("panda_pouring", "ur5_reach"):
+        planner = planner_of(Skill.load(name))
+        assert train.own_objection(planner) == ""
+        # the control: with a sphere in the hand's place at the goal it has none
+        planner.set_obstacles(centres=[planner.skill.goal_pose[:3]], radii=[0.03])
+        assert "NO_FEASIBLE_PATH: " in train.own_objection(planner)
 
 
 def poured(tmp_path, order: str) -> list[str]:
@@ -158,13 +189,13 @@ def test_a_recording_in_the_order_of_ros_is_refused_until_the_order_is_said(tmp_
         assert "say --columns px,py,pz,qx,qy,qz,qw; otherwise say --columns px,py,pz,qw,qx,qy,qz" in error
     assert not (tmp_path / "skill").exists()
     for columns, begins, ends in (("px,py,pz,qx,qy,qz,qw", 90, 0), ("px,py,pz,qw,qx,qy,qz", 180, 180)):
-        assert main([*arguments, "--columns", columns]) == 0
+        assert main([*arguments, "--columns", columns]) in WRITTEN
         assert f"the tool's z axis begins {begins} and ends {ends} deg from straight down" in capsys.readouterr().out
         assert main([*shown, "--columns", columns]) == 0
 
 
 def test_a_recording_in_the_order_of_the_scalar_first_is_not_asked_about(tmp_path, capsys) -> None:
-    assert main(poured(tmp_path, "qw,qx,qy,qz")) == 0
+    assert main(poured(tmp_path, "qw,qx,qy,qz")) in WRITTEN
     assert "--columns" not in capsys.readouterr().err
 
 
