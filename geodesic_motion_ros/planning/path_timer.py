@@ -127,11 +127,21 @@ class PathTimer:
             curve, latent, self._limits, state.velocity, state.acceleration, tool=self._tool, longest=longest
         )
         if reference is None:
-            reason = "stopping first: the path to the goal turns off the present motion, or leaves the joints' limits"
-            if longest < math.inf:
-                reason = f"no motion from the present one along the best path takes less than {longest:.2f} s: no gain"
-            return TimedPath(latent, self._certifier, reason)
+            return TimedPath(latent, self._certifier, self._untimed(state, curve, longest))
         return TimedPath(latent, self._certifier, "", correction, reference)
+
+    def _untimed(self, state: MotionState, curve: np.ndarray, longest: float) -> str:
+        """Why there is no motion along configurations (m, eta) from a state, within `longest` [s]."""
+        if longest < math.inf:
+            return f"no motion from the present one along the best path takes less than {longest:.2f} s: no gain"
+        if np.any(state.velocity) or np.any(state.acceleration):
+            return "stopping first: the path to the goal turns off the present motion, or leaves the joints' limits"
+        beyond = np.max(np.maximum(self._limits.lower - curve, curve - self._limits.upper), axis=0)
+        joint = int(np.argmax(beyond))
+        if beyond[joint] > 0.0:
+            name = self._tool.robot.joint_names[joint]
+            return f"the path to the goal leads beyond the limit of joint '{name}', by {beyond[joint]:.3f} rad"
+        return "no motion from rest along the path to the goal keeps the limits of the joints and of the tool"
 
 
 def meeting(path: np.ndarray, start: np.ndarray, goal: np.ndarray) -> tuple[np.ndarray, float]:
