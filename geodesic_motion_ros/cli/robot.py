@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+from collections.abc import Iterable
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING
@@ -14,6 +15,7 @@ from geodesic_motion_ros.utils.errors import ParameterError
 if TYPE_CHECKING:
     from geodesic_motion_ros.robot.kinematics import Robot
     from geodesic_motion_ros.robot.making import MadeRobot
+    from geodesic_motion_ros.robot.self_pairs import LinkPair
 
 _DESCRIPTION = """\
 Make the folder that a robot is to this package, out of a URDF or a xacro file: its collision bodies are cut into convex
@@ -147,6 +149,7 @@ def run(arguments: argparse.Namespace) -> None:
             f"kept apart: {' and '.join(pair.links)}; in the postures drawn their bodies nearly touch in "
             f"{touching:.1f} %, their spheres overlap in {overlapping:.1f} %{chosen}"
         )
+    advise_on_alarms(made.pairs)
     unit = "rad, m" if any(robot.chain[4]) else "rad"
     print(f"ready: {', '.join(f'{value:.3f}' for value in robot.ready)} {unit}")
     if RobotDescription.named(made.folder).hand is None:
@@ -188,6 +191,19 @@ def _say_what_the_urdf_leaves_open(made: MadeRobot, robot: Robot) -> None:
         print(
             f"beside the chain, taken as standing: {standing} [rad, m]; --beside JOINT=POSITION puts them elsewhere. "
             "Where they move, as a second arm does, no certificate knows of it"
+        )
+
+
+def advise_on_alarms(pairs: Iterable[LinkPair]) -> None:
+    """Say of pairs whose spheres overlap much more often than their bodies touch what that means, and what to do."""
+    from geodesic_motion_ros.robot.making import FALSE_ALARMS
+
+    alarmed = {" and ".join(pair.links): pair.overlapping - pair.touching for pair in pairs if pair.spheres != ()}
+    if often := [f"{names} in {100.0 * share:.0f} %" for names, share in alarmed.items() if share > FALSE_ALARMS]:
+        print(
+            f"spheres overlap while bodies are apart: {', '.join(often)} of the postures drawn. The arm keeps out of "
+            "these, goals there are IN_COLLISION: that is safe, but costs room. Where a real arm must fold up so, "
+            "look at spheres.png and make these links' spheres smaller in spheres.yaml"
         )
 
 

@@ -7,7 +7,9 @@ from pathlib import Path
 import pytest
 
 from geodesic_motion_ros.cli import main
+from geodesic_motion_ros.cli.robot import advise_on_alarms
 from geodesic_motion_ros.robot.kinematics import Robot
+from geodesic_motion_ros.robot.self_pairs import LinkPair
 
 PANDA = Robot.named("panda").urdf
 ENDS = ["--base", "panda_link0", "--tip", "panda_hand"]
@@ -43,6 +45,18 @@ def test_what_cannot_be_a_package_or_an_argument_is_refused(option: list[str], t
         main(["robot", str(PANDA), *option, *ENDS, *LIMITS, "--out", str(tmp_path / "arm")])
     assert "NAME=FOLDER" in (shown := capsys.readouterr().err) or "like hand:=true" in shown
     assert not (tmp_path / "arm").exists()
+
+
+def test_what_spheres_mean_that_overlap_while_bodies_are_apart_is_said_once(capsys) -> None:
+    """Not of links whose bodies touch as often, nor of those that are not kept apart: the controls."""
+    quiet = [LinkPair(("base", "hand"), None, 0.3, 0.35), LinkPair(("wrist", "hand"), (), 1.0, 1.0)]
+    advise_on_alarms(quiet)
+    assert capsys.readouterr().out == ""
+    loud = [LinkPair(("base", "elbow"), None, 0.0, 0.31), LinkPair(("elbow", "wrist"), ((0, 1),), 0.02, 0.14)]
+    advise_on_alarms([*quiet, *loud])
+    (line,) = capsys.readouterr().out.splitlines()
+    assert "bodies are apart: base and elbow in 31 %, elbow and wrist in 12 % of the postures drawn" in line
+    assert "spheres.yaml" in line
 
 
 def test_a_robot_is_made_and_drawn(tmp_path: Path, capsys) -> None:
