@@ -18,7 +18,7 @@ class BodyLayer(nn.Module):
     """Body points p_k(theta), their stacked Jacobian J(theta), and log V = 1/2 log det(J^T J + epsilon^2 I).
 
     V measures how much volume of the body's configurations a volume of joint angles makes; it is what a change of
-    variables from joint angles to the body divides a density by (Beik-Mohammadi et al., IJRR 2023, section 4.2).
+    variables from joint angles to the body divides a density by (Beik-Mohammadi et al., IJRR 2023, eq. 27).
     epsilon [m] keeps it finite where the arm is singular.
 
     Link frames come from pytorch-kinematics. Its own Jacobian is of the tool alone; that of the body points follows

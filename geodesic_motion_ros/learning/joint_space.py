@@ -4,7 +4,7 @@
 
 mu is a perceptron, 1 / sigma a radial-basis-function network. Seen at the robot's body, through its forward kinematics,
 the density of a configuration is p(theta | z) / V(theta), V the volume of `body_layer` (Beik-Mohammadi et al.,
-"Reactive motion generation on learned Riemannian manifolds", IJRR 2023, section 4.2).
+"Reactive motion generation on learned Riemannian manifolds", IJRR 2023, section 3.2: learning in joint space).
 """
 
 from __future__ import annotations

@@ -102,9 +102,9 @@ class TrainingSettings:
 
     @classmethod
     def paper(cls, **changes: Any) -> TrainingSettings:
-        """The paper's model (section 4.1), with changes: nothing is taken out of the demonstrations, the mixture of q
-        and -q, the evidence lower bound without weights, all networks learned together, sigma and kappa as they are in
-        the metric.
+        """The paper's model (section 3.1, learning in task space), with changes: nothing is taken out of the
+        demonstrations, the mixture of q and -q, the evidence lower bound without weights, all networks learned
+        together, sigma and kappa as they are in the metric.
         """
         metric = MetricSettings(sigma_weight=1.0, orientation_scale="kappa")
         literal = {"sheet": "raw", "orientation_model": "sign_blind", "schedule": "joint", "kl_weight": 1.0}
@@ -192,9 +192,9 @@ class JointTrainingSettings:
 
     @classmethod
     def paper(cls, **changes: Any) -> JointTrainingSettings:
-        """The paper's model (section 4.2), with changes: nothing is taken out of the demonstrations, the change of
-        variables to the body in the evidence lower bound without weights, both networks learned together, sigma and the
-        tool's orientation as they are in the metric.
+        """The paper's model (section 3.2, learning in joint space), with changes: nothing is taken out of the
+        demonstrations, the change of variables to the body in the evidence lower bound without weights, both networks
+        learned together, sigma and the tool's orientation as they are in the metric.
         """
         metric = JointMetricSettings(sigma_weight=1.0, joint_weight=_NO_JOINT_WEIGHT, orientation_weight=1.0)
         literal = {"sheet": "raw", "schedule": "joint", "kl_weight": 1.0, "volume_weight": 1.0, "body_sigma": 0.0}

@@ -3,9 +3,9 @@
     p(x, q | z) = N(x | mu(z), diag(sigma(z)^2)) p(q | mu_q(z), kappa(z))
 
 mu and mu_q are the seven outputs of one perceptron, 1 / sigma and kappa radial-basis-function networks
-(Beik-Mohammadi et al., "Reactive motion generation on learned Riemannian manifolds", IJRR 2023, section 4.1). The same
-networks learn its toy, positions in the plane with directions on S^2: p numbers of position and o of orientation are 3
-and 4 where nothing else is said.
+(Beik-Mohammadi et al., "Reactive motion generation on learned Riemannian manifolds", IJRR 2023, section 3.1: learning
+in task space). The same networks learn its toy, positions in the plane with directions on S^2: p numbers of position
+and o of orientation are 3 and 4 where nothing else is said.
 """
 
 from __future__ import annotations

@@ -7,10 +7,10 @@ small joint-space term, without which motion that leaves all body points in plac
             + g^2 (|dtheta|^2 + s^2 |dsigma|^2)
 
 with s the sigma_weight, h the orientation_weight of the tool's unit quaternion q, and g the joint_weight. It is the
-chord form of the pull-back metric M = (J_fk J_mu)^T A (J_fk J_mu) + (J_fk J_sigma)^T A (J_fk J_sigma) + ... of
-Beik-Mohammadi et al. (IJRR 2023, section 5), with J_fk the Jacobian of the body points and of q, J_k and J_q those of
-one of them. Sigma's part, which makes the walls between tubes, is summed over several pieces of every edge, so that a
-thin wall between two cheap nodes is not stepped over.
+chord form of the reshaped metric of configurations M = (J_fk J_mu)^T A (J_fk J_mu) + (J_fk J_sigma)^T A (J_fk J_sigma)
+of Beik-Mohammadi et al. (IJRR 2023, eq. 32), with J_fk the Jacobian of the body points and of q, J_k and J_q those of
+one of them; the paper has no 1/K, which is one unit for all, and no g. Sigma's part, which makes the walls between
+tubes, is summed over several pieces of every edge, so that a thin wall between two cheap nodes is not stepped over.
 """
 
 from __future__ import annotations

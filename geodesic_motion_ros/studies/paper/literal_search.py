@@ -1,6 +1,6 @@
 """Exact shortest paths on the dense graph under the paper's ambient metric, a piece at a time.
 
-An obstacle of radius r at o stretches space around a body point p by (IJRR 2023, section 6)
+An obstacle of radius r at o stretches space around a body point p by the ambient metric (IJRR 2023, eq. 30)
 
     m(p) = 1 + zeta sum_o exp(-|p - o|^2 / (2 r^2))
 

@@ -1,7 +1,7 @@
 """Continuous geodesics: a cubic spline bent by gradient descent until its energy is least.
 
-The paper's first solver (section 4.3). It refines a curve that a graph search found, or starts from a
-straight line, from which it may end in a local minimum.
+The paper's first solver, which lowers the length of the spline (eq. 29) where this one lowers its energy. It refines a
+curve that a graph search found, or starts from a straight line, from which it may end in a local minimum.
 """
 
 from __future__ import annotations
