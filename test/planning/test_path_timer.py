@@ -95,7 +95,7 @@ def test_what_takes_longer_than_would_be_a_gain_is_not_timed_and_says_so(bench, 
     np.testing.assert_array_equal(long.reference.positions, whole.reference.positions)
 
 
-def test_an_arm_that_stands_is_not_told_to_stop_first(bench, timer) -> None:
+def test_an_arm_that_stands_is_not_asked_to_stop_first(bench, timer) -> None:
     """What takes a joint past its limit has no timing, from rest nor from a motion, which alone is stopped first."""
     state, upper = resting(bench), bench.planner.limits.upper[3]
     curve = np.linspace(state.position, state.position, 30)
@@ -107,7 +107,7 @@ def test_an_arm_that_stands_is_not_told_to_stop_first(bench, timer) -> None:
     assert standing.objection == f"the path to the goal leads beyond the limit of joint '{joint}', by 0.100 rad"
     moving = timer.timed_curve(replace(state, velocity=np.full(len(state.position), 0.1)), curve, latent, 0.0)
     assert moving.objection.startswith("stopping first: ")
-    # the control: the same way, as far as the joint goes
+    # the control: the same path, as far as the joint goes
     curve[:, 3] = np.linspace(state.position[3], upper - 0.1, 30)
     assert timer.timed_curve(state, curve, latent, 0.0).reference is not None
 
