@@ -81,9 +81,8 @@ class GuardedArm:
         tool there; else one near those demonstrated, or near `Robot.ready`.
         """
         if commanded is not None and isinstance(self.queries, ToolQueryBuilder):
-            position, quaternion = self.solver.robot.forward(commanded)
-            near = np.linalg.norm(position - pose.position) <= constants.SAME_START[0]
-            if near and angle_between(quaternion, pose.quaternion) <= constants.SAME_START[1]:
+            here = Pose(*self.solver.robot.forward(commanded))
+            if _within(here, pose, constants.SAME_START):
                 return commanded
         return self.queries.start_by_pose(pose)
 
@@ -103,6 +102,20 @@ class GuardedArm:
                 f"{robot.reach:.2f} m",
             )
         return self.queries.goal_by_pose(pose, frame)
+
+    def goal_in_place(self, request: GoalRequest, frame: TaskFrame, standing: np.ndarray) -> Goal | None:
+        """The configuration (eta,) in which the arm stands as the goal of a request, where that holds the tool in the
+        requested pose already: another one would turn the elbow for nothing. None where it does not; where the skill
+        shows just such a turn; and of a skill of tool poses, whose posture follows from the start anyway.
+        """
+        if request.pose is None or not isinstance(self.queries, ConfigurationQueryBuilder):
+            return None
+        here, skill = Pose(*self.solver.robot.forward(standing)), self.solver.skill
+        start, end = (Pose(*np.split(given, [3])) for given in (skill.start_pose, skill.goal_pose))
+        if not _within(here, request.pose, constants.SAME_GOAL) or _within(start, end, constants.SAME_START):
+            return None
+        goal = self.queries.goal_by_configuration(standing, frame)
+        return None if isinstance(goal, Verdict) else replace(goal, stated="the configuration in which the arm stands")
 
     def query_from(self, state: MotionState, followed: Followed | None, goal: Goal) -> Query | Verdict:
         """The query to a goal from where the stream is: the followed one redirected, so that the motion goes on
@@ -164,3 +177,9 @@ class PreparedArm:
     arm: GuardedArm
     before: Query | None
     query: Query | None
+
+
+def _within(one: Pose, other: Pose, limits: tuple[float, float]) -> bool:
+    """Whether two poses are no farther from each other than limits [m], [rad]."""
+    near = np.linalg.norm(one.position - other.position) <= limits[0]
+    return bool(near) and angle_between(one.quaternion, other.quaternion) <= limits[1]

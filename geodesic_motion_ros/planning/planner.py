@@ -192,14 +192,18 @@ class ReactivePlanner:
     def _prepared(self, request: GoalRequest, frame: TaskFrame) -> PreparedGoal | Verdict:
         """The goal with its query from where the stream is about to be, so that ticks remain short."""
         goal = self._arm.goal(request, frame)
-        if isinstance(goal, Verdict):
-            return goal
         # The thread that ticks may replace these meanwhile.
         generation, played, followed = self._generation, self._stream.played, self._stream.followed
+        kept = not isinstance(goal, Verdict) and self._mission.needs_no_query(goal)
+        begin = self._ticked + self.settings.latency
+        state = None if kept or played is None else played.state_at_switch(begin, followed)
+        if state is not None and not np.any(state.velocity):
+            goal = self._arm.goal_in_place(request, frame, state.position) or goal
+        if isinstance(goal, Verdict):
+            return goal
         prepared = PreparedGoal(request, frame, goal, None, generation)
-        if played is None or self._mission.needs_no_query(goal):
+        if state is None:
             return prepared
-        state = played.state_at_switch(self._ticked + self.settings.latency, followed)
         found = self._arm.query_from(state, followed, goal)
         return prepared if isinstance(found, Verdict) else replace(prepared, query=found)
 

@@ -141,6 +141,8 @@ DETOUR_LARGEST_JOINT_STEP = 0.7
 SAME_START = 0.005, 0.02
 #: A goal of the tool that differs by no more than this is the same goal, received again [m], [rad].
 SAME_GOAL = 1e-6, 1e-6
+#: A goal configuration of which no joint is farther from where the arm stands is that place [rad].
+SAME_CONFIGURATION = 1e-6
 #: A goal of the tool that differs by no more than this waits until the arm rests [m], [rad].
 NEAR_GOAL = 2e-3, 1e-2
 #: A goal pose that moves no further than this during a motion leaves the choice between the demonstrations as it is

@@ -12,6 +12,7 @@ from itertools import islice
 
 import numpy as np
 
+from geodesic_motion_ros.geometry.quaternions import angle_between
 from geodesic_motion_ros.manifold.configuration_graph import ConfigurationGraph
 from geodesic_motion_ros.manifold.geodesic_refinement import refined
 from geodesic_motion_ros.manifold.obstacle_weights import NodeEvaluation
@@ -142,6 +143,8 @@ class Solver:
         if isinstance(search, Verdict):
             return Plan(None, state.time, search)
         margin = 0.0 if obstacles.is_static else search.margin(constants.DYNAMIC_MARGIN_FACTOR)
+        if self._stands_at_goal(query, state):
+            return self._staying(query, state, obstacles, margin, attempts[0].optimistic)
         verdict = Verdict(VerdictCode.NO_FEASIBLE_PATH)
         tried: set[bytes] = set()
         first: LatentPath | None = None
@@ -167,6 +170,26 @@ class Solver:
                 return replace(plan, path=path) if attempt == self.attempts[0] else plan
             verdict = plan.verdict
         return Plan(None, state.time, verdict, first)
+
+    def _stands_at_goal(self, query: ArmQuery, state: MotionState) -> bool:
+        """Whether the arm stands in the goal configuration; with a skill of tool poses, its tool in the goal pose."""
+        if np.any(state.velocity) or np.any(state.acceleration):
+            return False
+        if not isinstance(self.graph, PoseGraph):
+            return bool(np.max(np.abs(query.goal - state.position)) <= constants.SAME_CONFIGURATION)
+        (here, turned), (there, goal) = self.robot.forward(state.position), self.robot.forward(query.goal)
+        near, turn = constants.SAME_GOAL
+        return bool(np.linalg.norm(there - here) <= near) and angle_between(turned, goal) <= turn
+
+    def _staying(
+        self, query: ArmQuery, state: MotionState, obstacles: Obstacles, margin: float, optimistic: bool
+    ) -> Plan:
+        """The plan of an arm that stands at its goal: a path around to the same place would be a needless motion."""
+        latent = np.repeat(_latent_start(query, state)[None], 2, axis=0)
+        timed = self._timer.timed_curve(state, np.repeat(state.position[None], 2, axis=0), latent, 0.0)
+        path = LatentPath(np.empty(0, dtype=np.int64), latent, energy=0.0, gap=0.0)
+        plan = self._judged(query, state, path, timed, obstacles, margin, optimistic)
+        return replace(plan, verdict=replace(plan.verdict, reason="at the goal")) if plan.verdict.ok else plan
 
     def _search(
         self, query: ArmQuery, state: MotionState, obstacles: Obstacles, optimistic: bool, deadline: Deadline
@@ -459,6 +482,20 @@ class Solver:
         longest : as of `solve`.
         """
         timed = self._timer.timed(query, state, path, True, longest)
+        return self._judged(query, state, path, timed, obstacles, margin, optimistic, longest)
+
+    def _judged(
+        self,
+        query: ArmQuery,
+        state: MotionState,
+        path: LatentPath,
+        timed: TimedPath,
+        obstacles: Obstacles,
+        margin: float,
+        optimistic: bool,
+        longest: float = math.inf,
+    ) -> Plan:
+        """`_certified` of a path that is timed."""
         reference = timed.reference
         if reference is None:
             return Plan(None, state.time, Verdict(VerdictCode.NO_FEASIBLE_PATH, timed.objection, **query.misfits))
