@@ -63,7 +63,7 @@ _SPACE_NOTES = {
     "joint": "configurations of the whole arm: a joint-space skill is learned",
 }
 #: Settings of the training that both spaces have.
-_SHARED = ("seed", "steps", "kernels", "sheet", "schedule", "kl_weight")
+_SHARED = ("seed", "steps", "kernels", "bandwidth_factor", "far_sigma", "sheet", "schedule", "kl_weight")
 
 _DESCRIPTION = """\
 Learns a skill from a handful of demonstrations of one task: a latent space with a Riemannian metric that is cheap to
@@ -159,6 +159,16 @@ def _add_training(group: argparse._ArgumentGroup) -> None:
     group.add_argument("--seed", type=seed, help="of everything random; 0 without it")
     group.add_argument("--steps", type=int, help="of the optimiser; 5000 without it")
     group.add_argument("--kernels", type=int, help="radial-basis kernels of the deviations; 500 without it")
+    group.add_argument(
+        "--bandwidth-factor", type=float,
+        help="width of those kernels over the distance between neighbours; 1 without it, of joints 2; the paper states "
+        "none",
+    )  # fmt: skip
+    group.add_argument(
+        "--far-sigma", type=float,
+        help="deviation far from the demonstrations [m], of joints [rad]: how high walls are; 1 without it; the paper "
+        "states none",
+    )  # fmt: skip
     group.add_argument(
         "--sheet", choices=("canonical", "raw"),
         help="demonstrations endpoint-normalised, with start and goal offsets taken out (default), or the paper's: as "

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from geodesic_motion_ros.learning.workload import Workload
     from geodesic_motion_ros.skill.skill import Skill
 
-_SETTINGS = ("orientation_model", "position_weight", "orientation_weight")
+_SETTINGS = ("orientation_model", "position_weight", "orientation_weight", "far_kappa")
 #: What only recordings of poses have.
 OPTIONS = (*RECORDING_OPTIONS["task"], *_SETTINGS, "orientation_scale")
 
@@ -33,6 +33,10 @@ def add_options(group: argparse._ArgumentGroup) -> None:
     )  # fmt: skip
     group.add_argument("--position-weight", type=float, help="beta1 of the evidence lower bound")
     group.add_argument("--orientation-weight", type=float, help="beta2 of the evidence lower bound")
+    group.add_argument(
+        "--far-kappa", type=float,
+        help="concentration of orientations far from the demonstrations; 0.01 without it; the paper states none",
+    )  # fmt: skip
 
 
 @dataclass(frozen=True)

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any, Literal
 
 from geodesic_motion_ros.manifold.configuration_graph import JointMetricSettings
 from geodesic_motion_ros.manifold.pose_graph import MetricSettings
+from geodesic_motion_ros.utils.checked_numbers import SMALLEST_SCALE
 from geodesic_motion_ros.utils.errors import ParameterError
 
 if TYPE_CHECKING:
@@ -18,12 +19,12 @@ if TYPE_CHECKING:
 _NO_JOINT_WEIGHT = 1e-6
 #: Numbers that may be 0; all others are positive.
 _TASK_MAY_BE_ZERO = {
-    "seed", "blends", "kl_weight", "kl_warm_up", "orientation_weight", "rotation_length", "margin",
-    "metric.sigma_weight",
+    "seed", "blends", "kl_weight", "kl_warm_up", "orientation_weight", "rotation_length", "position_resolution",
+    "angular_resolution", "margin", "metric.sigma_weight",
 }  # fmt: skip
 _JOINT_MAY_BE_ZERO = {
-    "seed", "blends", "kl_weight", "kl_warm_up", "volume_weight", "body_sigma", "margin", "metric.sigma_weight",
-    "metric.orientation_weight",
+    "seed", "blends", "kl_weight", "kl_warm_up", "volume_weight", "body_sigma", "joint_resolution", "margin",
+    "metric.sigma_weight", "metric.orientation_weight",
 }  # fmt: skip
 
 
@@ -58,14 +59,14 @@ class TrainingSettings:
     kl_warm_up : fraction of the steps over which the divergence's weight grows from 0.
     fixed_sigma, fixed_kappa : likelihood scales while the means are learned [m], [1].
     kernels : radial-basis kernels, at most; never more than one for two codes.
-    bandwidth_factor : kernel bandwidth over the median distance between neighbouring centres.
+    bandwidth_factor : kernel bandwidth over the median distance between neighbouring centres; the paper states none.
     precision_samples : latent draws per pose that sigma and kappa are fitted on.
     precision_iterations : of L-BFGS, at most.
-    far_sigma : position deviation far from all data [m]: the height of the walls.
-    far_kappa : concentration far from all data.
+    far_sigma, far_kappa : position deviation [m] and concentration far from all data: the floors 1 / far_sigma and
+        far_kappa of their networks, and so the height of the walls, which grows as far_sigma^2. The paper states none.
     position_resolution, angular_resolution : what a demonstration cannot be more exact than [m], [rad of
         rotation]; added to the residuals, so that a coordinate that never varies (a plane) keeps a finite
-        precision.
+        precision. The paper has none: 0.
     margin : free border of the latent box around the codes, as a fraction of its size.
     metric : weights of the skill's metric; they take no part in the training.
     """
@@ -103,12 +104,16 @@ class TrainingSettings:
     @classmethod
     def paper(cls, **changes: Any) -> TrainingSettings:
         """The paper's model (section 3.1, learning in task space), with changes: nothing is taken out of the
-        demonstrations, the mixture of q and -q, the evidence lower bound without weights, all networks learned
-        together, sigma and kappa as they are in the metric.
+        demonstrations, the mixture of q and -q, the evidence lower bound alone, all networks learned together, sigma
+        and kappa as they are in the metric. Floors and width of the kernels, which it does not state, are ours.
         """
-        metric = MetricSettings(sigma_weight=1.0, orientation_scale="kappa")
-        literal = {"sheet": "raw", "orientation_model": "sign_blind", "schedule": "joint", "kl_weight": 1.0}
-        return cls(**(literal | {"metric": metric} | changes))
+        literal = {
+            "sheet": "raw", "orientation_model": "sign_blind", "schedule": "joint",
+            "kl_weight": 1.0, "kl_warm_up": 0.0, "position_resolution": 0.0, "angular_resolution": 0.0,
+            "bandwidth_factor": 1.0, "far_sigma": 1.0, "far_kappa": 0.01,
+            "metric": MetricSettings(sigma_weight=1.0, orientation_scale="kappa"),
+        }  # fmt: skip
+        return cls(**(literal | changes))
 
     def __post_init__(self) -> None:
         if self.orientation_model is None:
@@ -128,6 +133,11 @@ class TrainingSettings:
         if self.latent_dimension not in (2, 3):
             raise ParameterError(f"latent_dimension is {self.latent_dimension}; poses are learned in 2 or 3")
         check_settings(self, self.hidden, self.metric, _TASK_MAY_BE_ZERO)
+        if not SMALLEST_SCALE <= self.far_kappa < self.fixed_kappa:
+            raise ParameterError(
+                f"far_kappa is {self.far_kappa:g}; it must be from {SMALLEST_SCALE:g} to less than fixed_kappa, "
+                f"{self.fixed_kappa:g}"
+            )
 
 
 @dataclass(frozen=True)
@@ -159,8 +169,9 @@ class JointTrainingSettings:
         three dimensions they stand along thin strips, closer than the nodes of the grid: as wide as that distance the
         support would fall to pieces.
     precision_samples, precision_iterations : latent draws per configuration that sigma is fitted on, and L-BFGS steps.
-    far_sigma : deviation far from all data [rad]: the height of the walls.
-    joint_resolution : what a demonstration cannot be more exact than [rad]; added to the residuals.
+    far_sigma : deviation far from all data [rad]: the height of the walls. The paper states none.
+    joint_resolution : what a demonstration cannot be more exact than [rad]; added to the residuals. The paper has none:
+        0.
     margin : free border of the latent box around the codes, as a fraction of its size.
     metric : weights of the skill's metric; they take no part in the training.
     """
@@ -194,11 +205,15 @@ class JointTrainingSettings:
     def paper(cls, **changes: Any) -> JointTrainingSettings:
         """The paper's model (section 3.2, learning in joint space), with changes: nothing is taken out of the
         demonstrations, the change of variables to the body in the evidence lower bound without weights, both networks
-        learned together, sigma and the tool's orientation as they are in the metric.
+        learned together, sigma and the tool's orientation as they are in the metric. Floor and width of the kernels,
+        which it does not state, the warm-up of the divergence and `joint_resolution` are ours.
         """
-        metric = JointMetricSettings(sigma_weight=1.0, joint_weight=_NO_JOINT_WEIGHT, orientation_weight=1.0)
-        literal = {"sheet": "raw", "schedule": "joint", "kl_weight": 1.0, "volume_weight": 1.0, "body_sigma": 0.0}
-        return cls(**(literal | {"metric": metric} | changes))
+        literal = {
+            "sheet": "raw", "schedule": "joint", "kl_weight": 1.0, "volume_weight": 1.0, "body_sigma": 0.0,
+            "bandwidth_factor": 2.0, "far_sigma": 1.0,
+            "metric": JointMetricSettings(sigma_weight=1.0, joint_weight=_NO_JOINT_WEIGHT, orientation_weight=1.0),
+        }  # fmt: skip
+        return cls(**(literal | changes))
 
     def __post_init__(self) -> None:
         for name, allowed in {"sheet": ("canonical", "raw"), "schedule": ("two_stage", "joint")}.items():
@@ -224,3 +239,8 @@ def check_settings(settings: Any, hidden: tuple[int, ...], metric: Any, may_be_z
     ]  # fmt: skip
     if wrong:
         raise ParameterError(f"training settings must be positive and finite: {', '.join(wrong)}")
+    if not settings.fixed_sigma < settings.far_sigma <= 1.0 / SMALLEST_SCALE:
+        raise ParameterError(
+            f"far_sigma is {settings.far_sigma:g}; it must be more than fixed_sigma, {settings.fixed_sigma:g}, "
+            f"and at most {1.0 / SMALLEST_SCALE:g}"
+        )

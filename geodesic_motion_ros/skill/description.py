@@ -64,8 +64,7 @@ def check_description(described: Any) -> None:
     if described["sheet"] not in SHEETS:
         raise SkillError(f"sheets of kind {brief(described['sheet'])} are not known here; known: {_listed(SHEETS)}")
     _check_choice("orientation_model", described["orientation_model"], ORIENTATION_MODELS[space])
-    for name, bounds in RANGES.items():
-        _check_number(name, described[name], *bounds)
+    check_thresholds(described)
     _check_metric(described["metric"], space)
     _check_tables(described)
     if described["sheet"] == "canonical":
@@ -74,6 +73,12 @@ def check_description(described: Any) -> None:
     digests = described["sha256"]
     if not isinstance(digests, dict) or set(digests) != set(FILES):
         raise SkillError(f"sha256 must list exactly {', '.join(FILES)}")
+
+
+def check_thresholds(values: Mapping[str, Any]) -> None:
+    """Refuse deviations and energies that no skill can have: SkillError."""
+    for name, bounds in RANGES.items():
+        _check_number(name, values[name], *bounds)
 
 
 def check_text(name: str, value: Any, longest: int = LONGEST_TEXT) -> None:

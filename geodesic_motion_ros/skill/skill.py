@@ -31,7 +31,15 @@ from geodesic_motion_ros.manifold.mean_path import MeanPaths
 from geodesic_motion_ros.manifold.pose_graph import MetricSettings, PoseGraph, build_pose_graph
 from geodesic_motion_ros.robot.description import DEFAULT_ROBOT, shipped_robots
 from geodesic_motion_ros.robot.kinematics import Robot
-from geodesic_motion_ros.skill.description import DESCRIPTION, FILES, FORMAT_VERSION, LATENT, METADATA, WEIGHTS
+from geodesic_motion_ros.skill.description import (
+    DESCRIPTION,
+    FILES,
+    FORMAT_VERSION,
+    LATENT,
+    METADATA,
+    WEIGHTS,
+    check_thresholds,
+)
 from geodesic_motion_ros.skill.folder import CANONICAL_ARRAYS, LARGEST_DESCRIPTION, LATENT_ARRAYS, read_folder
 from geodesic_motion_ros.skill.joint_sheet import JointSheet
 from geodesic_motion_ros.skill.kept_graph import kept_graph
@@ -178,7 +186,8 @@ class Skill(LearnedModel):
 
     @classmethod
     def of(cls, model: LearnedModel, energy_per_edge: float, **attributes: Any) -> Skill:
-        """A skill of what was learned, with its other attributes by name."""
+        """A skill of what was learned, with its other attributes by name; SkillError where no file could hold it."""
+        check_thresholds({"sigma_support": model.sigma_support, "energy_per_edge": energy_per_edge})
         learned = {item.name: getattr(model, item.name) for item in fields(model)}
         return cls(**learned, energy_per_edge=energy_per_edge, **attributes)
 

@@ -92,12 +92,18 @@ def test_an_old_skill_is_replaced_by_the_papers_form_of_it(recording, tmp_path) 
     arguments += ["--steps", "60", "--kernels", "20", "--seed", "5", "--sheet", "raw"]
     assert main(arguments) in WRITTEN
     assert Skill.load(folder).orientation_model == "two_cluster"
-    assert main([*arguments, "--paper", "--name", "as published"]) in WRITTEN
+    floors = ["--far-sigma", "100", "--far-kappa", "0.02", "--bandwidth-factor", "3"]
+    assert main([*arguments, "--paper", *floors, "--name", "as published"]) in WRITTEN
     skill = Skill.load(folder)
     assert (skill.name, skill.orientation_model, skill.metric.sigma_weight) == ("as published", "sign_blind", 1.0)
     assert skill.metric.orientation_scale == "kappa"
     settings = skill.provenance["settings"]
     assert (skill.provenance["seed"], settings["kl_weight"], settings["schedule"]) == (5, 1.0, "joint")
+    assert (settings["kl_warm_up"], settings["position_resolution"], settings["angular_resolution"]) == (0.0, 0.0, 0.0)
+    assert settings["bandwidth_factor"] == 3.0
+    far = skill.decoder.decode(np.full((1, 2), 1e3))
+    np.testing.assert_allclose(far.sigma, 100.0, rtol=1e-6)
+    np.testing.assert_allclose(far.kappa, 0.02, rtol=1e-6)
 
 
 def test_inspect_shows_what_the_skill_holds(trained, tmp_path, capsys) -> None:

@@ -120,12 +120,14 @@ def test_what_does_not_fit_joints_is_said_in_one_line(arguments, said, joint_rec
 
 def test_the_papers_model_is_learned_and_what_is_given_beside_it_counts(joint_recording, tmp_path) -> None:
     arguments = ["train", "--demos", str(joint_recording), "--out", str(tmp_path / "paper"), "--paper"]
-    assert main([*arguments, "--steps", "40", "--kernels", "40", "--latent-dimension", "2"]) in WRITTEN
+    given = ["--steps", "40", "--kernels", "40", "--latent-dimension", "2", "--far-sigma", "5"]
+    assert main([*arguments, *given]) in WRITTEN
     skill = Skill.load(tmp_path / "paper")
     settings = skill.provenance["settings"]
     assert (skill.sheet, skill.metric.sigma_weight, settings["schedule"]) == ("raw", 1.0, "joint")
     assert (settings["kl_weight"], settings["volume_weight"], settings["body_sigma"]) == (1.0, 1.0, 0.0)
     assert (settings["steps"], settings["latent_dimension"]) == (40, 2)
+    np.testing.assert_allclose(skill.decoder.uncertainty(np.full((1, 2), 1e3)), 5.0, rtol=1e-6)
 
 
 def test_options_of_joints_are_refused_for_poses(recording, tmp_path, capsys) -> None:

@@ -127,6 +127,7 @@ def test_the_threshold_of_energy_is_that_of_paths_along_the_demonstrations(reach
         ({"latent_dimension": 6}, "latent_dimension is 6; configurations are learned in 2 to 5"),
         ({"hidden": (10,)}, "hidden has 1 layers"),
         ({"steps": 0}, "must be positive and finite: steps"),
+        ({"far_sigma": 0.05}, "far_sigma is 0.05; it must be more than fixed_sigma"),
         ({"body_sigma": float("nan")}, "must be positive and finite: body_sigma"),
         ({"metric": JointMetricSettings(sigma_weight=float("nan"))}, "positive and finite: metric.sigma_weight"),
         ({"volume_weight": -1.0}, "must be positive and finite: volume_weight"),

@@ -229,6 +229,9 @@ def test_planar_recordings_without_orientation_give_one_cluster(demonstrations):
         ({"steps": 0}, "steps"),
         ({"fixed_sigma": float("nan")}, "fixed_sigma"),
         ({"far_kappa": -1.0}, "far_kappa"),
+        ({"far_kappa": 1600.0}, "from 1e-09 to less than fixed_kappa, 1600"),
+        ({"far_sigma": 0.005}, "more than fixed_sigma, 0.005, and at most 1e"),
+        ({"far_sigma": 1e10}, "at most 1e"),
         ({"metric": MetricSettings(sigma_weight=float("inf"))}, "metric.sigma_weight"),
     ],
 )

@@ -14,7 +14,7 @@ import yaml
 from geodesic_motion_ros.robot.collision_model import CollisionModel, self_clearance
 from geodesic_motion_ros.robot.description import RobotDescription
 from geodesic_motion_ros.robot.kinematics import Robot
-from geodesic_motion_ros.skill.skill import Skill
+from geodesic_motion_ros.skill.skill import LearnedModel, Skill
 from geodesic_motion_ros.utils.errors import SkillError
 
 
@@ -166,6 +166,16 @@ def test_broken_descriptions_of_the_sheet_are_named(canonical_folder, changes, w
     edit(canonical_folder, **changes)
     with pytest.raises(SkillError, match=words):
         Skill.load(canonical_folder)
+
+
+@pytest.mark.parametrize(("name", "value"), [("sigma_support", 11.0), ("energy_per_edge", np.inf)])
+def test_a_model_that_no_file_could_hold_becomes_no_skill(fan_skill, name, value):
+    """As where kernels miss the codes, and sigma there is far_sigma."""
+    wrong = replace(fan_skill, **{name: value})
+    others = {item.name for item in fields(Skill)} - {item.name for item in fields(LearnedModel)} - {"energy_per_edge"}
+    model = LearnedModel(**{item.name: getattr(wrong, item.name) for item in fields(LearnedModel)})
+    with pytest.raises(SkillError, match=name):
+        Skill.of(model, wrong.energy_per_edge, **{each: getattr(wrong, each) for each in others})
 
 
 def test_a_skill_of_the_first_format_is_refused_with_what_to_do(canonical_folder):
