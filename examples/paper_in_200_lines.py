@@ -12,8 +12,8 @@ Manifolds", IJRR 2023 (arXiv 2203.07761), for poses of a tool: positions x in R^
     reweighting     w = sqrt((m(u) + m(v)) / 2 (|dmu|^2 + |dsigma|^2) + |dnu|^2 + |dk|^2)
     geodesic        the shortest path on the grid, a cubic spline through it by least squares, decoded
 
-Two things are not the paper's. k is kappa^(-1/2), an angular deviation; the paper has kappa itself, whose numbers,
-thousands, drown metres. And sigma and kappa are fixed while the codes settle, so that kernels can be placed on them.
+Not the paper's: k is kappa^(-1/2), where kappa itself, thousands, drowns metres; the floor, which is the walls' height,
+and h, which it leaves open; sigma and kappa fixed while codes settle, so that kernels can stand there; nu's first side.
 """
 
 import argparse

@@ -14,8 +14,7 @@ geodesic, line  mean and largest distance of the tool from the demonstrated S [m
                 demonstrated configuration [deg], and how often the elbow changes sides on the path, over all pairs
 across / within energy of the shortest path to the goal in the other posture over that to the goal in the same one
 
-Metrics: "ours", sigma counted ten times and joints a little besides the body; "literal", sigma once and the body alone,
-as the paper writes it.
+Metrics: "ours", sigma counted ten times and joints a little besides the body; "paper", sigma once and the body alone.
 """
 
 from __future__ import annotations
@@ -63,7 +62,7 @@ _MIDDLE, _SIZE, _SPREAD = np.array([0.38, 0.0]), (0.1, 0.2), 0.006
 SIDE, _BORDER = 100, 0.25
 PAIRS = 2
 """Pairs of ends in each posture, one geodesic each."""
-METRICS = {"ours": JointMetricSettings(), "literal": JointMetricSettings(sigma_weight=1.0, joint_weight=1e-3)}
+METRICS = {"ours": JointMetricSettings(), "paper": JointMetricSettings(sigma_weight=1.0, joint_weight=1e-3)}
 TRAINING = JointTrainingSettings(
     sheet="raw",
     latent_dimension=2,

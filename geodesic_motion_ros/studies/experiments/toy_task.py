@@ -15,8 +15,8 @@ geodesic, line  mean and largest distance of the decoded curve from the demonstr
 across / within energy of the shortest path to the goal with the other sign over that to the goal with the same sign
 
 Likelihoods: "single", one density on the doubled data; "mixture", the paper's, half on mu and half on -mu. Metrics:
-"angular", with the angular deviation kappa^(-1/2) and sigma counted ten times; "literal", with kappa itself and sigma
-once, as the paper writes it.
+"angular", with the angular deviation kappa^(-1/2) and sigma counted ten times; "paper", with kappa itself and sigma
+once.
 """
 
 from __future__ import annotations
@@ -64,8 +64,8 @@ SIDE, _BORDER, _DESCENT = 100, 0.25, 40
 #: Pairs of ends, one geodesic each.
 PAIRS = 3
 LIKELIHOODS = {"single": "two_cluster", "mixture": "sign_blind"}
-METRICS = {"angular": MetricSettings(), "literal": MetricSettings(sigma_weight=1.0, orientation_scale="kappa")}
-ROWS = (("single", "angular"), ("single", "literal"), ("mixture", "angular"))
+METRICS = {"angular": MetricSettings(), "paper": MetricSettings(sigma_weight=1.0, orientation_scale="kappa")}
+ROWS = (("single", "angular"), ("single", "paper"), ("mixture", "angular"))
 """Likelihood and metric of the rows."""
 
 #: Learned with less than a skill: two coordinates of position on two of orientation.

@@ -64,7 +64,7 @@ class PaperCycle(StreamCycle[Place, PaperGoal]):
         if verdict.ok and self._displaced:
             verdict = Verdict(VerdictCode.BAD_INPUT, "the paper has no task frame: leave it at the base frame")
         if verdict.ok and inputs.held:
-            verdict = Verdict(VerdictCode.BAD_INPUT, "the paper knows nothing of what the hand holds: detach it")
+            verdict = Verdict(VerdictCode.BAD_INPUT, "the paper's planner takes no held object here: detach it")
         if verdict.ok:
             verdict = self.planner.tick(deadline)
         else:

@@ -26,10 +26,10 @@ def test_a_density_keeps_the_signs_apart_and_the_mixture_does_not(tmp_path, monk
         precision_iterations=20,
     )  # fmt: skip
     report = ToyTask((0,), settings, toy_demonstrations(4, 40)).measure(tmp_path)
-    single, literal, mixture = report.rows
+    single, papers, mixture = report.rows
     assert single.own_sign > 0.9
     assert min(single.across, single.within) > 0.0
-    assert literal.across < 5.0 * literal.within
+    assert papers.across < 5.0 * papers.within
     assert mixture.own_sign < 0.95
     assert mixture.across < 3.0 * mixture.within
     content = json.loads(write_json(tmp_path / "toy.json", report.as_dict()).read_text())
