@@ -9,7 +9,7 @@ from __future__ import annotations
 import argparse
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
-from dataclasses import Field, dataclass, field, fields
+from dataclasses import Field, dataclass, field, fields, replace
 from pathlib import Path
 from typing import Any, ClassVar, TypeVar
 
@@ -18,12 +18,14 @@ from geodesic_motion_ros.cli.recorded import read_joint_recording, read_recordin
 from geodesic_motion_ros.demonstrations.demonstrations import Demonstrations
 from geodesic_motion_ros.demonstrations.joint_demonstrations import JointDemonstrations
 from geodesic_motion_ros.demonstrations.readers import holds_joints
+from geodesic_motion_ros.learning.settings import JointTrainingSettings, TrainingSettings
 from geodesic_motion_ros.skill.skill import Skill
 from geodesic_motion_ros.studies.experiments.folds import Fold, default_folds, parse_folds
 from geodesic_motion_ros.utils.errors import ParameterError
 
 Recording = Demonstrations | JointDemonstrations
 Own = TypeVar("Own", bound="Study")
+Training = TypeVar("Training", TrainingSettings, JointTrainingSettings)
 
 
 class Report(ABC):
@@ -64,6 +66,21 @@ def seeds(text: str = "of the trainings, one skill each", default: tuple[int, ..
 def steps() -> Any:
     """--steps: None is as many as the training has by default."""
     return option(None, "of the training; without it as many as it has by default", type=int)
+
+
+def far_sigma() -> Any:
+    """--far-sigma: None is that of the training."""
+    return option(None, "of the training, its inverse is the floor of 1 / sigma: the height of walls", type=float)
+
+
+def bandwidth_factor() -> Any:
+    """--bandwidth-factor: None is that of the training."""
+    return option(None, "of the training: the kernels' width over the distance between neighbours", type=float)
+
+
+def changed(training: Training, **settings: Any) -> Training:
+    """A training with those settings that are not None."""
+    return replace(training, **{name: value for name, value in settings.items() if value is not None})
 
 
 @dataclass(frozen=True)

@@ -12,7 +12,8 @@ Columns of the table, a row for each seed and metric:
 own posture     share of codes whose nearest code of another demonstration is of the same posture: 100 % are clusters
 geodesic, line  mean and largest distance of the tool from the demonstrated S [mm], of the joints from the nearest
                 demonstrated configuration [deg], and how often the elbow changes sides on the path, over all pairs
-across / within energy of the shortest path to the goal in the other posture over that to the goal in the same one
+within          energy of the shortest path to the goal in the same posture
+across / within that to the goal in the other posture over it
 
 Metrics: "ours", sigma counted ten times and joints a little besides the body; "paper", sigma once and the body alone.
 """
@@ -50,7 +51,14 @@ from geodesic_motion_ros.studies.experiments.latent_pictures import (
     draw_values,
     grid_around,
 )
-from geodesic_motion_ros.studies.experiments.study import Report, Study, seeds
+from geodesic_motion_ros.studies.experiments.study import (
+    Report,
+    Study,
+    bandwidth_factor,
+    changed,
+    far_sigma,
+    seeds,
+)
 from geodesic_motion_ros.studies.tools.joint_metric import JointPullbackMetric
 from geodesic_motion_ros.utils.tables import text_table
 from geodesic_motion_ros.visualization.plots import BLUE, GREEN, GREY, ORANGE, VERMILION, legend_below, write_figure
@@ -145,13 +153,14 @@ class ToyJointReport(Report):
         """The table as plain text."""
         columns = ("mm", "most", "joints deg", "switches")
         head = ["metric", "seed", "own posture", *(f"{name} {c}" for name in ("geodesic", "line") for c in columns)]
-        head.append("across / within")
+        head += ["within", "across / within"]
         lines = []
         for row in self.rows:
             cells = [
                 f"{v:.1f}" if isinstance(v, float) else v for which in ("geodesics", "lines") for v in row.off(which)
             ]
-            lines.append([row.metric, row.seed, f"{row.own_posture:.0%}", *cells, f"{row.across / row.within:.3g}"])
+            energies = f"{row.within:.3g}", f"{row.across / row.within:.3g}"
+            lines.append([row.metric, row.seed, f"{row.own_posture:.0%}", *cells, *energies])
         return text_table(head, lines)
 
     def draw(self, path: Path) -> None:
@@ -224,12 +233,15 @@ class ToyJoint(Study):
     seeds: tuple[int, ...] = seeds("one training each")
     training: JointTrainingSettings = TRAINING
     shown: np.ndarray | None = None
+    far_sigma: float | None = far_sigma()
+    bandwidth_factor: float | None = bandwidth_factor()
 
     def measure(self, out: Path) -> ToyJointReport:
         robot, shown = planar_arm(), toy_configurations() if self.shown is None else self.shown
+        chosen = changed(self.training, far_sigma=self.far_sigma, bandwidth_factor=self.bandwidth_factor)
         rows, landscapes = [], []
         for seed in tqdm(self.seeds, desc="toy-joint", unit="seed"):
-            training = replace(self.training, seed=seed)
+            training = replace(chosen, seed=seed)
             toy = _Toy(robot, shown, train_joint_model(shown, training, body_layer(robot, training.metric)))
             landscapes += [] if landscapes else [toy.landscape()]
             rows += [_measured(toy, name, seed) for name in METRICS]

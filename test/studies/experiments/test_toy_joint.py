@@ -48,6 +48,11 @@ def test_postures_are_clusters_and_a_small_run_leaves_table_and_picture(tmp_path
     assert (tmp_path / "toy.png").read_bytes().startswith(b"\x89PNG")
 
 
+def test_the_floor_that_is_requested_is_the_trainings(tmp_path) -> None:
+    with pytest.raises(ParameterError, match=r"far_sigma is 0.001; it must be more than fixed_sigma"):
+        ToyJoint((0,), far_sigma=0.001).measure(tmp_path)
+
+
 def test_no_seeds_are_refused() -> None:
     with pytest.raises(ParameterError, match="at least one"):
         ToyJoint(())

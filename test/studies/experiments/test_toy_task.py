@@ -26,15 +26,15 @@ def test_a_density_keeps_the_signs_apart_and_the_mixture_does_not(tmp_path, monk
         precision_iterations=20,
     )  # fmt: skip
     report = ToyTask((0,), settings, toy_demonstrations(4, 40)).measure(tmp_path)
-    single, papers, mixture = report.rows
+    single, _, papers, mixture = report.rows
     assert single.own_sign > 0.9
     assert min(single.across, single.within) > 0.0
     assert papers.across < 5.0 * papers.within
     assert mixture.own_sign < 0.95
     assert mixture.across < 3.0 * mixture.within
     content = json.loads(write_json(tmp_path / "toy.json", report.as_dict()).read_text())
-    assert [row["likelihood"] for row in content["rows"]] == ["single", "single", "mixture"]
-    assert report.table().count("\n") == 5
+    assert [row["likelihood"] for row in content["rows"]] == ["single", "single", "single", "mixture"]
+    assert report.table().count("\n") == 6
     report.draw(tmp_path / "toy.png")
     assert (tmp_path / "toy.png").read_bytes().startswith(b"\x89PNG")
 
@@ -47,6 +47,11 @@ def test_letters_are_drawn_on_plane_and_sphere_and_measured_between_samples() ->
     directions = -shown.directions[2, :-1]
     assert np.max(shown.distances(between, directions)) < 0.03
     assert np.min(shown.distances(between + [0.2, 0.0], directions)[:, 0]) > 0.05
+
+
+def test_the_floor_that_is_requested_is_the_trainings(tmp_path) -> None:
+    with pytest.raises(ParameterError, match=r"far_sigma is 0.001; it must be more than fixed_sigma"):
+        ToyTask((0,), far_sigma=0.001).measure(tmp_path)
 
 
 def test_no_seeds_are_refused() -> None:
