@@ -150,8 +150,13 @@ def _ascend(
     body: BodyLayer,
     progress: Progress | None,
 ) -> None:
-    """Climb the weighted evidence lower bound over every parameter the model has now."""
+    """Climb the weighted evidence lower bound over every parameter the model has now.
+
+    log V counts no less than at the most singular configuration shown: the gain of a mean that is singular has nearly
+    no end, and would lead it there from anywhere.
+    """
     variance = prior_variance(settings)
+    least = body.log_volume(data.configurations).min() if settings.volume_weight > 0.0 else None
 
     def loss(step: int) -> Tensor:
         batch = data.take(torch.randint(len(data.configurations), (settings.batch,)))
@@ -162,8 +167,8 @@ def _ascend(
         if settings.body_sigma > 0.0:
             off = (body.points(means) - batch.points) / settings.body_sigma
             likelihood = likelihood - 0.5 * (off**2).sum(-1).mean(-1)
-        if settings.volume_weight > 0.0:
-            likelihood = likelihood - settings.volume_weight * body.log_volume(means)
+        if least is not None:
+            likelihood = likelihood - settings.volume_weight * body.log_volume(means).clamp(min=least)
         warm = min(1.0, step / max(1.0, settings.kl_warm_up * steps))
         return (warm * settings.kl_weight * divergence - likelihood).mean()
 

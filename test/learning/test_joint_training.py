@@ -61,6 +61,16 @@ def test_the_volume_term_takes_part_where_it_is_asked_for(configurations, learne
     assert not torch.equal(other[name], learned[name])
 
 
+def test_the_volume_term_leads_no_mean_to_where_the_arm_is_more_singular_than_shown(configurations) -> None:
+    """Whatever it counts: log V of most singular postures is lower by several units than of those shown."""
+    body = body_layer(ROBOT, IN_NO_TIME.metric)
+    settings = replace(IN_NO_TIME, volume_weight=1e4, steps=100)
+    trained = train_joint_model(configurations, settings, body)
+    shown = torch.tensor(configurations.reshape(-1, 7))
+    decoded = body.log_volume(trained.decoder.means(trained.encoder(shown)[0]))
+    assert decoded.min() > body.log_volume(shown).min() - 0.5
+
+
 def test_the_papers_schedule_learns_means_and_sigma_together(configurations) -> None:
     """Without sigma in the bound, or with a body that counts, the same seed gives other means."""
     paper = replace(
