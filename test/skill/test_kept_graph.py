@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import os
 import threading
+import time
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from pathlib import Path
@@ -157,6 +159,8 @@ def test_what_was_not_used_for_longest_goes_first(skill, made, monkeypatch, tmp_
     [oldest] = kept_files(tmp_path)
     skill.graph((24, 25))
     [middle] = [file for file in kept_files(tmp_path) if file != oldest]
+    for file, age in ((oldest, 20.0), (middle, 10.0)):  # a file system's clock has steps
+        os.utime(file, (time.time() - age,) * 2)
     skill.graph(SHAPE)  # used again, after the other one
     assert oldest.stat().st_mtime_ns > middle.stat().st_mtime_ns
     monkeypatch.setattr(kept_graph, "LARGEST_CACHE", int(2.5 * oldest.stat().st_size))
