@@ -63,7 +63,7 @@ class TrainingSettings:
     precision_samples : latent draws per pose that sigma and kappa are fitted on.
     precision_iterations : of L-BFGS, at most.
     far_sigma, far_kappa : position deviation [m] and concentration far from all data: the floors 1 / far_sigma and
-        far_kappa of their networks, and so the height of the walls, which grows as far_sigma^2. The paper states none.
+        far_kappa of their networks, and so the height of the walls, of high ones as far_sigma^2. The paper states none.
     position_resolution, angular_resolution : what a demonstration cannot be more exact than [m], [rad of
         rotation]; added to the residuals, so that a coordinate that never varies (a plane) keeps a finite
         precision. The paper has none: 0.
