@@ -72,12 +72,13 @@ def test_every_new_goal_gets_a_reference(bench: MovingBench) -> None:
 
 
 def test_searches_are_recorded_inside_alone(bench: MovingBench) -> None:
-    motion = bench.motions[0]
+    start, goal = bench.motions[0].start, bench.motions[0].goal
+    pose = bench.planner.robot.forward(start)
     with recorded_searches() as searches:
-        bench.planner.plan_configurations(motion.start, bench.planner.prepared_configuration(motion.start).goal)
+        bench.planner.plan(*pose, goal[:3], goal[3:])
         count = len(searches)
         assert count > 0
-    bench.planner.plan_configurations(motion.start, bench.planner.prepared_configuration(motion.start).goal)
+    bench.planner.plan(*pose, goal[:3], goal[3:])
     assert len(searches) == count
 
 
