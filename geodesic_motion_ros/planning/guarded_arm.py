@@ -7,7 +7,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from geodesic_motion_ros.geometry.quaternions import angle_between
 from geodesic_motion_ros.geometry.task_frame import TaskFrame
 from geodesic_motion_ros.manifold.pose_graph import PoseGraph
 from geodesic_motion_ros.obstacles.obstacles import Obstacles
@@ -82,7 +81,7 @@ class GuardedArm:
         """
         if commanded is not None and isinstance(self.queries, ToolQueryBuilder):
             here = Pose(*self.solver.robot.forward(commanded))
-            if _within(here, pose, constants.SAME_START):
+            if here.is_within(pose, constants.SAME_START):
                 return commanded
         return self.queries.start_by_pose(pose)
 
@@ -112,7 +111,7 @@ class GuardedArm:
             return None
         here, skill = Pose(*self.solver.robot.forward(standing)), self.solver.skill
         start, end = (Pose(*np.split(given, [3])) for given in (skill.start_pose, skill.goal_pose))
-        if not _within(here, request.pose, constants.SAME_GOAL) or _within(start, end, constants.SAME_START):
+        if not here.is_within(request.pose, constants.SAME_GOAL) or start.is_within(end, constants.SAME_START):
             return None
         goal = self.queries.goal_by_configuration(standing, frame)
         return None if isinstance(goal, Verdict) else replace(goal, stated="the configuration in which the arm stands")
@@ -177,9 +176,3 @@ class PreparedArm:
     arm: GuardedArm
     before: Query | None
     query: Query | None
-
-
-def _within(one: Pose, other: Pose, limits: tuple[float, float]) -> bool:
-    """Whether two poses are no farther from each other than limits [m], [rad]."""
-    near = np.linalg.norm(one.position - other.position) <= limits[0]
-    return bool(near) and angle_between(one.quaternion, other.quaternion) <= limits[1]

@@ -16,7 +16,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from geodesic_motion_ros.geometry.quaternions import normalise, rotation_vector_between
+from geodesic_motion_ros.geometry.quaternions import angle_between, normalise, rotation_vector_between
 from geodesic_motion_ros.geometry.se3 import carried
 from geodesic_motion_ros.manifold.node_body import NodeBody
 from geodesic_motion_ros.manifold.pose_graph import PoseGraph
@@ -42,6 +42,11 @@ class Pose:
 
     position: np.ndarray
     quaternion: np.ndarray
+
+    def is_within(self, other: Pose, limits: tuple[float, float]) -> bool:
+        """Whether another pose is no farther away than limits [m], [rad]."""
+        near = np.linalg.norm(self.position - other.position) <= limits[0]
+        return bool(near) and bool(angle_between(self.quaternion, other.quaternion) <= limits[1])
 
 
 def checked_pose(end: str, position: np.ndarray, quaternion: np.ndarray) -> tuple[Pose | None, str]:

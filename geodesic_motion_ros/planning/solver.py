@@ -12,7 +12,6 @@ from itertools import islice
 
 import numpy as np
 
-from geodesic_motion_ros.geometry.quaternions import angle_between
 from geodesic_motion_ros.manifold.configuration_graph import ConfigurationGraph
 from geodesic_motion_ros.manifold.geodesic_refinement import refined
 from geodesic_motion_ros.manifold.obstacle_weights import NodeEvaluation
@@ -26,6 +25,7 @@ from geodesic_motion_ros.planning.declared_scene import DeclaredScene
 from geodesic_motion_ros.planning.evasion_targets import displaced_paths, paths_to_targets
 from geodesic_motion_ros.planning.path_timer import PathTimer, TimedPath, meeting
 from geodesic_motion_ros.planning.plan import Approach, ArmQuery, MotionState, PathEnds, Plan
+from geodesic_motion_ros.planning.pose_query import Pose
 from geodesic_motion_ros.planning.search import (
     NO_NODE_REMOVED,
     BegunSearch,
@@ -177,9 +177,8 @@ class Solver:
             return False
         if not isinstance(self.graph, PoseGraph):
             return bool(np.max(np.abs(query.goal - state.position)) <= constants.SAME_CONFIGURATION)
-        (here, turned), (there, goal) = self.robot.forward(state.position), self.robot.forward(query.goal)
-        near, turn = constants.SAME_GOAL
-        return bool(np.linalg.norm(there - here) <= near) and angle_between(turned, goal) <= turn
+        here, goal = (Pose(*self.robot.forward(configuration)) for configuration in (state.position, query.goal))
+        return here.is_within(goal, constants.SAME_GOAL)
 
     def _staying(
         self, query: ArmQuery, state: MotionState, obstacles: Obstacles, margin: float, optimistic: bool

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from geodesic_motion_ros.geometry.quaternions import angle_between, continuous_signs
+from geodesic_motion_ros.geometry.quaternions import continuous_signs
 from geodesic_motion_ros.geometry.se3 import carried
 from geodesic_motion_ros.geometry.task_frame import TaskFrame
 from geodesic_motion_ros.manifold.metric_field import MetricField
@@ -152,12 +152,7 @@ class ToolGoal:
         return self._within(other, constants.NEAR_GOAL)
 
     def _within(self, other: ToolGoal, limits: tuple[float, float]) -> bool:
-        pairs = (self.pose, other.pose), (self.in_task, other.in_task)
-        return all(
-            np.linalg.norm(one.position - two.position) <= limits[0]
-            and angle_between(one.quaternion, two.quaternion) <= limits[1]
-            for one, two in pairs
-        )
+        return self.pose.is_within(other.pose, limits) and self.in_task.is_within(other.in_task, limits)
 
 
 def _in_task(frame: TaskFrame, pose: Pose) -> Pose:

@@ -40,8 +40,7 @@ def test_a_skill_folder_comes_out_with_its_figures_and_its_picture(trained) -> N
     assert skill.provenance["demonstrations"] == ["reach_0", "reach_2", "reach_3"]
     assert 0.0 < skill.quality["held_out_dtw_mm"] < 100.0
     assert skill.quality["held_out_endpoint_after_mm"] < 1e-6
-    written = json.loads(figures.read_text())
-    assert written["quality"] == skill.quality
+    assert json.loads(figures.read_text())["quality"] == skill.quality
     assert (folder / "report.png").read_bytes().startswith(b"\x89PNG")
 
 

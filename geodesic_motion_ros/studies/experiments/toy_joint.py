@@ -51,14 +51,7 @@ from geodesic_motion_ros.studies.experiments.latent_pictures import (
     draw_values,
     grid_around,
 )
-from geodesic_motion_ros.studies.experiments.study import (
-    Report,
-    Study,
-    bandwidth_factor,
-    changed,
-    far_sigma,
-    seeds,
-)
+from geodesic_motion_ros.studies.experiments.study import Report, Study, bandwidth_factor, changed, far_sigma, seeds
 from geodesic_motion_ros.studies.tools.joint_metric import JointPullbackMetric
 from geodesic_motion_ros.utils.tables import text_table
 from geodesic_motion_ros.visualization.plots import BLUE, GREEN, GREY, ORANGE, VERMILION, legend_below, write_figure

@@ -23,6 +23,6 @@ def test_the_hand_hits_without_avoidance_and_passes_with_it(tmp_path: Path) -> N
     summary = json.loads((tmp_path / "summary.json").read_text())
     assert summary["passed"], done.stderr
     assert "families" not in summary
-    assert summary["avoidance_off"]["min_clearance_mm"] < 0.0
+    assert summary["avoidance_off"]["contacts"] > 0 or summary["avoidance_off"]["min_clearance_mm"] < 0.0
     assert summary["avoidance_on"]["contacts"] == 0
     assert summary["avoidance_on"]["min_clearance_mm"] > 0.0
