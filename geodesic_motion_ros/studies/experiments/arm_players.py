@@ -133,6 +133,7 @@ class LiteralArm:
 
     def __init__(self, planner: PaperPlanner, families: Families) -> None:
         self.planner, self.skill, self._each = planner, planner.skill, families.each
+        self._fields: dict[int, np.ndarray] = {}
 
     def play(
         self, start: Sequence[int], goals: Sequence[Sequence[int]], centres: np.ndarray, radii: np.ndarray
@@ -141,7 +142,11 @@ class LiteralArm:
         if not verdict.ok:
             return verdict.reason
         source = self._node(start, 0)
-        found = [self.planner.plan_between(source, self._node(goal, -1)) for goal in goals]
+        targets = [self._node(goal, -1) for goal in goals]
+        for target in targets:
+            if target not in self._fields:
+                self._fields[target] = self.planner.search.field(target)
+        found = [self.planner.plan_between(source, target, self._fields[target]) for target in targets]
         path, cost = min(found, key=lambda each: each[1])
         times = np.append(np.arange(0.0, path.duration, CHECK_PERIOD), path.duration)
         motion = interpolated(times, path.times, path.places)

@@ -17,7 +17,8 @@ the second of the other.
 
 Energies: of ours on the whole latent box, walls and all, from the start of one family to the goal of each; of the
 literal planner's paths, length squared, with no sphere, with one that is put so that it blocks one family, with all
-families blocked, and from one family to the goal of another.
+families blocked, and from one family to the goal of another. Of its paths among the drawn spheres the table has which a
+limit to the energy over the free path's would refuse (`energy_limit` has more of it).
 
 Clearances are those of the arm's meshes, every 5 ms, by PyBullet.
 """
@@ -34,6 +35,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from tqdm import tqdm
 
+from geodesic_motion_ros.demonstrations.joint_demonstrations import JointDemonstrations
 from geodesic_motion_ros.learning.settings import JointTrainingSettings
 from geodesic_motion_ros.planning.planner import ReactivePlanner
 from geodesic_motion_ros.planning.settings import PlannerSettings
@@ -52,6 +54,7 @@ from geodesic_motion_ros.studies.experiments.posture_strip import draw_strip, nu
 from geodesic_motion_ros.studies.experiments.study import Report, Study, option, seeds, setting
 from geodesic_motion_ros.studies.experiments.trained import BRIEFLY, trained_once
 from geodesic_motion_ros.studies.paper.paper_planner import PaperPlanner, PaperSettings
+from geodesic_motion_ros.studies.tools.cost_limit import CostLimit, limit_columns
 from geodesic_motion_ros.utils.tables import Cell, text_table
 from geodesic_motion_ros.visualization.joint_plots import draw_latent_tubes
 from geodesic_motion_ros.visualization.plots import BLUE, VERMILION, DrawnPath, Sphere, legend_below, write_figure
@@ -60,12 +63,22 @@ from geodesic_motion_ros.visualization.plots import BLUE, VERMILION, DrawnPath, 
 SETS = {"separated": 3, "meeting": 2}
 #: Why a planner got no query.
 COVERED = "not planned: a sphere touches the arm at the start or at the goal"
+#: Limits to the energy of a path over the free path's.
+LIMITS = (1.25, 1.5, 2.0, 3.0)
 #: Nodes along each side of the box for energies.
 _BOX = (40, 40, 40)
 #: Name and colour of a path that is clear of all spheres, and of one that is not.
 _MARKED = {"clear": ("geodesic", BLUE), "hits": ("geodesic through a sphere", VERMILION)}
 #: Every so many configurations of an answer are drawn from.
 _THINNED = 4
+
+
+def shown_sets(each: int) -> dict[str, JointDemonstrations]:
+    """The demonstrations of both sets, so many of each family."""
+    return {
+        "separated": reach_to_grasp(each, 0, families=3, connected=False),
+        "meeting": reach_to_grasp(each, 0, families=2, connected=True, openings=2),
+    }
 
 
 @dataclass(frozen=True)
@@ -84,10 +97,7 @@ class GraspJoint(Study):
 
     def measure(self, out: Path) -> GraspJointReport:
         ours, literally = JointTrainingSettings(**BRIEFLY), JointTrainingSettings.paper()
-        shown = {
-            "separated": reach_to_grasp(self.shown, 0, families=3, connected=False),
-            "meeting": reach_to_grasp(self.shown, 0, families=2, connected=True, openings=2),
-        }
+        shown = shown_sets(self.shown)
         reports, drawn, made, again, first = [], {}, [], {}, self.seeds[0]
 
         def trained(kind: str, training: JointTrainingSettings, seed: int) -> Skill:
@@ -188,7 +198,7 @@ class GraspJointReport(Report):
 
     def table(self) -> str:
         """The tables as plain text."""
-        return "\n\n".join([self.made, self._scenes(), self._energies(), self._blocked()])
+        return "\n\n".join([self.made, self._scenes(), self._energies(), self._blocked(), self._limits()])
 
     def _scenes(self) -> str:
         head = [
@@ -240,6 +250,13 @@ class GraspJointReport(Report):
                 ])  # fmt: skip
         return text_table(head, rows, 2, left=(0, 1))
 
+    def _limits(self) -> str:
+        rows: list[list[Cell]] = [
+            [report.kind, *energy_ratios(report.answers).cells(LIMITS)]
+            for report in self.skills if report.row == "literal"
+        ]  # fmt: skip
+        return text_table(["literal, energy over free", *limit_columns(LIMITS)], rows, 2)
+
     def draw(self, path: Path) -> None:
         """The first seed: above latent spaces with paths; below the arm on some of them, row by row."""
         first = {(item.row, item.kind): item.answers for item in self.skills if item.seed == self.settings.seeds[0]}
@@ -274,6 +291,17 @@ def _energy(answer: SceneAnswer) -> float:
     """Of the literal planner's path, as a curve of constant speed in its metric."""
     assert answer.played is not None
     return answer.played.cost**2
+
+
+def energy_ratios(answers: Sequence[SceneAnswer]) -> CostLimit:
+    """Energies of the literal planner's paths among spheres, over that of the free path from the same start."""
+    free = {answer.scene.start: _energy(answer) for answer in answers if not len(answer.scene.radii)}
+    among = [answer for answer in answers if len(answer.scene.radii) and answer.played is not None]
+    hits, clear = (
+        np.array([_energy(answer) / free[answer.scene.start] for answer in among if answer.kind == kind])
+        for kind in ("hits", "clear")
+    )
+    return CostLimit(hits, clear)
 
 
 def _counted(answers: list[SceneAnswer]) -> list[Cell]:

@@ -45,6 +45,7 @@ STUDIES: dict[str, Entry] = {
     "queries": Entry("queries", "Queries", "drawn starts and goals of shipped skills: answered, or refused and why"),
     "limbs": Entry("limbs", "Limbs", "a sphere beside the tool's path: which postures of the arm it hits"),
     "grasp-joint": Entry("grasp_joint", "GraspJoint", "reach to grasp with the whole arm: what is left when blocked"),
+    "energy-limit": Entry("energy_limit", "EnergyLimit", "the paper's model of grasp-joint: does energy tell hits?"),
     "pouring-joint": Entry("pouring_joint", "PouringJoint", "pouring with the whole arm through several groups"),
     "volume": Entry("volume", "Volume", "a skill learned without and with the volume term of the lower bound"),
     "dimension": Entry("dimension", "Dimension", "two to five latent dimensions, grids and nearest neighbours"),

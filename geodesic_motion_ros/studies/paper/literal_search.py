@@ -168,23 +168,24 @@ class LiteralSearch:
 
     Attributes
     ----------
+    weights : of the graph.
     nodes : (p,) of the cheapest path known for the newest query; cost : what it costs; bound : no path costs less.
-    finished : whether the path is the cheapest: cost equals bound.
+    finished : whether the path is the cheapest: cost equals bound. free : what the cheapest costs without obstacles.
     """
 
     def __init__(self, adjacency: Adjacency, weights: WeightedGraph, strength: float) -> None:
         """strength : zeta."""
-        self._adjacency, self._weights, self._strength = adjacency, weights, strength
+        self._adjacency, self.weights, self._strength = adjacency, weights, strength
         self._target, self._to_target = -1, np.empty(0)
         self._centres, self._radii = np.empty((0, 3)), np.empty(0)
         self._front, self._size = Front.of(0, 0), 0
         self.nodes = np.empty(0, dtype=np.int32)
-        self.cost = self.bound = math.inf
+        self.cost = self.bound = self.free = math.inf
         self.finished = True
 
     def field(self, target: int) -> np.ndarray:
         """Obstacle-free cost (n,) from every node to a target, by Dijkstra's algorithm."""
-        return cost_field(self._adjacency, self._weights.base, target)
+        return cost_field(self._adjacency, self.weights.base, target)
 
     def aim(self, target: int, to_target: np.ndarray) -> None:
         """Search for paths to a target from now on; to_target : its `field`."""
@@ -204,15 +205,16 @@ class LiteralSearch:
         self._centres, self._radii = np.ascontiguousarray(centres), np.ascontiguousarray(radii)
         adjacency = self._adjacency
         free = _free_path(
-            adjacency.first, adjacency.node, adjacency.edge, self._weights.base, self._to_target, source, self._target
+            adjacency.first, adjacency.node, adjacency.edge, self.weights.base, self._to_target, source, self._target
         )
         candidates = [free] + ([] if known is None else [known])
         costs = [self.path_cost(nodes) for nodes in candidates]
         best = int(np.argmin(costs))
-        self.nodes, self.cost, self.bound = candidates[best], costs[best], float(self._to_target[source])
-        self._front = front = Front.of(len(self._to_target), self._weights.body_points.shape[1])
+        self.nodes, self.cost, self.free = candidates[best], costs[best], float(self._to_target[source])
+        self.bound = self.free
+        self._front = front = Front.of(len(self._to_target), self.weights.body_points.shape[1])
         front.cost[source], front.known[source] = 0.0, True
-        points = self._weights.body_points[source]
+        points = self.weights.body_points[source]
         ambient_factors(points, self._centres, self._radii, self._strength, front.factors[source])
         self._size = put(front.keys, front.items, front.place, 0, source, self.bound)
         self.finished = self.cost <= self.bound
@@ -221,7 +223,7 @@ class LiteralSearch:
         """Search until the path is the cheapest, or the deadline has passed."""
         if self.finished:
             return
-        adjacency, weights, front = self._adjacency, self._weights, self._front
+        adjacency, weights, front = self._adjacency, self.weights, self._front
         while not self.finished and not deadline.passed:
             self._size = _settle(
                 adjacency.first, adjacency.node, adjacency.edge, weights.fixed, weights.shares, weights.base,
@@ -242,9 +244,14 @@ class LiteralSearch:
         """How much more than the cheapest path this one costs at most, over that path's cost."""
         return 0.0 if self.finished or self.bound <= 0.0 else self.cost / self.bound - 1.0
 
+    @property
+    def energy_ratio(self) -> float:
+        """Energy of the path, the square of what it costs, over that of the path without obstacles."""
+        return (self.cost / self.free) ** 2 if 0.0 < self.free < math.inf else 1.0
+
     def path_cost(self, nodes: np.ndarray) -> float:
         """What a path (p,) costs among the present obstacles."""
-        adjacency, weights = self._adjacency, self._weights
+        adjacency, weights = self._adjacency, self.weights
         return _path_cost(
             adjacency.first, adjacency.node, adjacency.edge, weights.fixed, weights.shares, weights.body_points,
             self._centres, self._radii, self._strength, nodes,

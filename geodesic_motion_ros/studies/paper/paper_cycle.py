@@ -63,8 +63,8 @@ class PaperCycle(StreamCycle[Place, PaperGoal]):
     def _command(self, verdict: Verdict, inputs: CycleInputs[Place], advance: float, deadline: Deadline) -> CycleOutput:
         if verdict.ok and self._displaced:
             verdict = Verdict(VerdictCode.BAD_INPUT, "the paper has no task frame: leave it at the base frame")
-        if verdict.ok and inputs.held:
-            verdict = Verdict(VerdictCode.BAD_INPUT, "the paper's planner takes no held object here: detach it")
+        if verdict.ok:
+            verdict = self.planner.hold(inputs.held)
         if verdict.ok:
             verdict = self.planner.tick(deadline)
         else:

@@ -13,6 +13,7 @@ from geodesic_motion_ros.nodes.skill_kinds import SkillKind, planner_settings
 from geodesic_motion_ros.nodes.stream_cycle import CycleOutput, Pose
 from geodesic_motion_ros.planning.settings import CHANGEABLE
 from geodesic_motion_ros.planning.status import Verdict, VerdictCode
+from geodesic_motion_ros.robot.held_objects import HeldObject
 from geodesic_motion_ros.skill.skill import Skill
 from geodesic_motion_ros.studies.paper.paper_cycle import PaperCycle, PaperJointCycle, PaperPoseCycle
 from geodesic_motion_ros.studies.paper.paper_planner import CAUTION, PaperPlanner, PaperSettings
@@ -62,6 +63,9 @@ class PaperKind(SkillKind):
 
     def body(self, output: CycleOutput) -> np.ndarray:
         return np.zeros((0, 4))  # the paper's metric sees points
+
+    def held(self) -> tuple[HeldObject, ...]:
+        return self.planner.held
 
     def plan(self, start: Pose, goal: Pose) -> tuple[Pose | None, Verdict]:
         return self.tool_poses(self.planner.plan(start, goal)), Verdict(VerdictCode.OK, CAUTION)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,9 +11,13 @@ import numpy as np
 from geodesic_motion_ros.geometry.fitted_spline import fitted_spline
 from geodesic_motion_ros.geometry.quaternions import angle_between, continuous_signs, normalise
 from geodesic_motion_ros.manifold.latent_graph import refuse_unsupported
+from geodesic_motion_ros.manifold.pose_graph import PoseGraph
+from geodesic_motion_ros.manifold.transport import Offsets
+from geodesic_motion_ros.manifold.weighted_graph import WeightedGraph
 from geodesic_motion_ros.obstacles.obstacles import Obstacles
 from geodesic_motion_ros.planning.status import Verdict, VerdictCode
 from geodesic_motion_ros.robot.body_points import end_effector_poses
+from geodesic_motion_ros.robot.held_objects import HeldObject
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.skill.skill import ENDPOINT_MULTIPLE, Skill
 from geodesic_motion_ros.studies.paper.dense_graph import dense_graph
@@ -48,11 +53,12 @@ class PaperSettings:
 
 @dataclass(frozen=True)
 class PaperGoal:
-    """A goal on the graph: its node, and the obstacle-free cost (n,) from every node to it; offset, offset_angle :
-    distance [m] and rotation [rad] between what was asked for and what the node decodes to.
+    """A goal on the graph: its node, and the obstacle-free cost (n,) from every node to it by some weights; offset,
+    offset_angle : distance [m] and rotation [rad] between what was asked for and what the node decodes to.
     """
 
     node: int
+    weights: WeightedGraph
     field: np.ndarray
     offset: float
     offset_angle: float
@@ -65,6 +71,7 @@ class PaperPlanner:
     ----------
     skill, robot : what is planned with.
     path : to the goal, None before there is one. lead : time [s] of the leading point on it.
+    held : what the hand holds. Then x is the position of that object, and radii are r_obstacle + r_object.
     """
 
     def __init__(
@@ -81,6 +88,8 @@ class PaperPlanner:
         self._trusted = np.flatnonzero(self.graph.sigma < limit)
         refuse_unsupported(self.graph.sigma < limit, limit, "rad" if self._of_joints else "m")
         self._obstacles = Obstacles.none()
+        self.held: tuple[HeldObject, ...] = ()
+        self._held_radius = 0.0
         self._goal: PaperGoal | None = None
         # Whether goal, place or obstacles have changed since the last search began.
         self._search_due = False
@@ -104,12 +113,14 @@ class PaperPlanner:
                 f"skill knows; allowed are {1000 * most:.0f} mm and {math.degrees(most_angle):.1f} deg",
                 goal_offset=offset, goal_offset_angle=angle,
             )  # fmt: skip
-        return PaperGoal(node, self.search.field(node), offset, angle)
+        search = self.search
+        return PaperGoal(node, search.weights, search.field(node), offset, angle)
 
     def take_goal(self, goal: PaperGoal) -> None:
         """Plan to a prepared goal from now on."""
         self._goal, self._search_due, self._nodes = goal, True, _NOTHING
-        self.search.aim(goal.node, goal.field)
+        known = goal.weights is self.search.weights
+        self.search.aim(goal.node, goal.field if known else self.search.field(goal.node))
 
     def clear_goal(self) -> None:
         """Stay where the leading point is, and forget the goal."""
@@ -141,6 +152,26 @@ class PaperPlanner:
             self._obstacles, self._search_due = obstacles, self._goal is not None
         return Verdict(VerdictCode.OK)
 
+    def hold(self, held: Sequence[HeldObject]) -> Verdict:
+        """Plan for what the hand holds from now on, nothing or one object; BAD_INPUT where the paper knows no answer.
+
+        Its radius is half its second side: of a sphere and a bottle their own.
+        """
+        if tuple(held) == self.held:
+            return Verdict(VerdictCode.OK)
+        if held and (len(held) > 1 or not isinstance(self.graph, PoseGraph)):
+            known = "the paper's planner knows one held object, with a skill of the tool: detach the others"
+            return Verdict(VerdictCode.BAD_INPUT, known)
+        self.held = tuple(held)
+        self._held_radius = 0.5 * float(np.median(held[0].sides)) if held else 0.0
+        if isinstance(self.graph, PoseGraph):
+            point = np.array([held[0].position if held else np.zeros(3)])
+            self.weights = self.graph.transported(Offsets.none(), point)
+            self.search = LiteralSearch(self.graph.adjacency, self.weights, self.settings.strength)
+        if self._goal is not None:
+            self.take_goal(self._goal)
+        return Verdict(VerdictCode.OK)
+
     def tick(self, deadline: Deadline = NEVER) -> Verdict:
         """Bring the path up to date with goal and obstacles, until a deadline at most.
 
@@ -155,9 +186,12 @@ class PaperPlanner:
             self.search.go_on(deadline)
         if not np.array_equal(self.search.nodes, self._nodes[-len(self.search.nodes) :]):
             self._follow(self.search.nodes)
+        # By this the paper tells that a path is infeasible.
+        ratio = f"{self.search.energy_ratio:.2g}"
+        reason = CAUTION if ratio == "1" else f"{CAUTION}; its energy is {ratio} times that of the free path"
         inside = float(self.graph.sigma[self._nodes].max()) <= self.skill.sigma_limit
         return Verdict(
-            VerdictCode.OK, CAUTION, cost_gap=self.search.gap, in_support=inside, goal_offset=self._goal.offset,
+            VerdictCode.OK, reason, cost_gap=self.search.gap, in_support=inside, goal_offset=self._goal.offset,
             goal_offset_angle=self._goal.offset_angle,
         )  # fmt: skip
 
@@ -175,13 +209,13 @@ class PaperPlanner:
         """The path between two tool poses (3,) [m], (4,) among the present obstacles; nothing else changes."""
         return self.plan_between(self._nearest(*start), self._nearest(*goal))[0]
 
-    def plan_between(self, source: int, target: int) -> tuple[TimedPath, float]:
+    def plan_between(self, source: int, target: int, field: np.ndarray | None = None) -> tuple[TimedPath, float]:
         """The path from one node of the graph to another among the present obstacles, and what the shortest path on the
-        graph costs, its length in the metric; nothing else changes.
+        graph costs, its length in the metric; nothing else changes. field : the target's, where it is known.
         """
         search = LiteralSearch(self.graph.adjacency, self.weights, self.settings.strength)
-        search.aim(target, search.field(target))
-        search.begin(source, self._obstacles.centres, self._obstacles.radii)
+        search.aim(target, search.field(target) if field is None else field)
+        search.begin(source, self._obstacles.centres, self._obstacles.radii + self._held_radius)
         search.go_on()
         return self._decoded(self.graph.latent[search.nodes]), search.cost
 
@@ -195,7 +229,7 @@ class PaperPlanner:
         here = self.path.latent_at(self.lead)
         known = self._nodes[self._nearest_of(self._nodes, here) :] if len(self._nodes) else None
         source = self.graph.nodes_near(here, 1)[0] if known is None else known[0]
-        self.search.begin(int(source), self._obstacles.centres, self._obstacles.radii, known)
+        self.search.begin(int(source), self._obstacles.centres, self._obstacles.radii + self._held_radius, known)
         self._search_due = False
 
     def _nearest_of(self, nodes: np.ndarray, here: np.ndarray) -> int:

@@ -8,9 +8,13 @@ import numpy as np
 import pytest
 
 from geodesic_motion_ros.geometry.fitted_spline import fitted_spline
+from geodesic_motion_ros.geometry.quaternions import to_rotation
+from geodesic_motion_ros.manifold.transport import Offsets
 from geodesic_motion_ros.obstacles.obstacles import Obstacles
 from geodesic_motion_ros.planning.status import VerdictCode
 from geodesic_motion_ros.robot.body_points import end_effector_poses
+from geodesic_motion_ros.robot.held_objects import HeldObject
+from geodesic_motion_ros.studies.paper.literal_search import LiteralSearch
 from geodesic_motion_ros.studies.paper.paper_planner import CAUTION, COEFFICIENTS, SAMPLES, PaperPlanner
 from geodesic_motion_ros.utils.deadline import Deadline
 
@@ -64,8 +68,9 @@ def test_an_obstacle_makes_another_path_and_leaves_none_of_it_behind(planner) ->
     free, cost = planner.search.nodes, planner.search.cost
     planner.set_obstacles(sphere_on(planner))
     assert not planner.is_exact
-    planner.tick()
+    verdict = planner.tick()
     assert planner.search.cost > cost
+    assert f"energy is {(planner.search.cost / cost) ** 2:.2g} times that of the free path" in verdict.reason
     planner.set_obstacles(Obstacles.none())
     planner.tick()
     assert planner.search.cost == cost
@@ -163,3 +168,36 @@ def test_no_query_raises_and_every_path_is_finite(shared) -> None:
         assert np.all(np.isfinite(shared.path.places))
         assert np.all(np.diff(shared.path.times) > 0.0)
         shared.advance(random.uniform(0.0, 2.0))
+
+
+def test_a_held_object_is_what_obstacles_are_kept_from_and_adds_its_radius(planners) -> None:
+    planner, bottle = planners["task"], HeldObject("bottle", "cylinder", (0.03, 0.2), (0.0, 0.0, 0.2))
+    start, goal = (np.split(pose, [3]) for pose in (planner.skill.start_pose, planner.skill.goal_pose))
+    planner.set_obstacles(Obstacles.none())
+    planner.stand_at(np.zeros(7), *start)
+    planner.take_goal(planner.prepared_goal(*goal))
+    planner.tick()
+    nodes, free = planner.search.nodes, planner.search.cost
+    positions, quaternions = planner.tool_poses(planner.path)
+    middle = len(positions) // 2
+    hanging = positions[middle] + to_rotation(quaternions[middle]).apply([0.0, 0.0, 0.2])
+    sphere = Obstacles.of_spheres(hanging[None], np.array([0.02]))
+    try:
+        assert planner.hold([bottle, HeldObject("cup", "sphere", (0.03,))]).code is VerdictCode.BAD_INPUT
+        assert planner.hold([bottle]).ok
+        planner.set_obstacles(sphere)
+        planner.tick()
+        held = planner.search.cost
+        # The metric is of the bottle's position, and the sphere is as wide as both radii together.
+        points = planner.graph.transported(Offsets.none(), np.array([[0.0, 0.0, 0.2]]))
+        search = LiteralSearch(planner.graph.adjacency, points, planner.settings.strength)
+        search.aim(int(planner.search.nodes[-1]), search.field(int(planner.search.nodes[-1])))
+        search.begin(int(planner.search.nodes[0]), sphere.centres, np.array([0.05]))
+        search.go_on()
+        assert held == search.cost
+    finally:
+        planner.hold([])
+    planner.set_obstacles(Obstacles.none())
+    planner.tick()
+    assert planner.search.cost == free
+    np.testing.assert_array_equal(planner.search.nodes, nodes)
