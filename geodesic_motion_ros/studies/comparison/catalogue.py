@@ -25,11 +25,13 @@ class Row:
     ----------
     make : makes the method in an arena, and imports the modules that it needs.
     description : the method in a line. needs : modules that must be installed.
+    by_name : whether it is played only where it is named, as few skills have what it takes.
     """
 
     make: Callable[[Arena], Method]
     description: str
     needs: tuple[str, ...] = ()
+    by_name: bool = False
 
     @property
     def missing(self) -> str:
@@ -44,6 +46,12 @@ def _geodesics(arena: Arena, part: Part) -> Method:
     from geodesic_motion_ros.studies.comparison.methods.geodesic import Geodesics
 
     return Geodesics(arena, part)
+
+
+def _paper(arena: Arena) -> Method:
+    from geodesic_motion_ros.studies.comparison.methods.papers_planner import PapersPlanner
+
+    return PapersPlanner(arena)
 
 
 def _replay(arena: Arena) -> Method:
@@ -101,6 +109,7 @@ ROWS: dict[str, Row] = {
         partial(_geodesics, part="soft"),
         "the soft metric alone: ours without the hard part, nothing removed or certified; not the paper's planner",
     ),
+    "paper": Row(_paper, "the paper's planner with the paper's model of the same task, its ends moved", by_name=True),
     "replay": Row(_replay, "the nearest demonstration, blind: the control"),
     "free demonstration": Row(
         _free_demonstration, "the nearest demonstration that is free, another one joined where it is blocked"
@@ -126,14 +135,14 @@ ROWS: dict[str, Row] = {
 
 
 def chosen(names: tuple[str, ...] | None) -> tuple[str, ...]:
-    """Rows by their names; all whose libraries are installed without any.
+    """Rows by their names; without any all whose libraries are installed, but those that are played by name only.
 
     Raises
     ------
     ParameterError : there is no such row. GeodesicMotionError : a row that was asked for lacks a library.
     """
     if names is None:
-        return tuple(name for name, row in ROWS.items() if not row.missing)
+        return tuple(name for name, row in ROWS.items() if not row.missing and not row.by_name)
     for name in names:
         if name not in ROWS:
             raise ParameterError(f"there is no method '{name}': choose from {'; '.join(ROWS)}")

@@ -275,3 +275,4 @@ def test_what_cannot_be_compared_is_refused(reach_skill, monkeypatch) -> None:
     with pytest.raises(GeodesicMotionError, match="needs no_such_library"):
         chosen(("absent",))
     assert "absent" not in chosen(None)
+    assert "paper" not in chosen(None)

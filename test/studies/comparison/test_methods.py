@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from geodesic_motion_ros.geometry.quaternions import angle_between
 from geodesic_motion_ros.obstacles.obstacles import Obstacles
 from geodesic_motion_ros.planning.arm_clearance import configuration_clearance
 from geodesic_motion_ros.skill.skill import Skill
@@ -15,6 +16,7 @@ from geodesic_motion_ros.studies.comparison.catalogue import ROWS
 from geodesic_motion_ros.studies.comparison.execution import Stage
 from geodesic_motion_ros.studies.comparison.method import TICK, Answer, Method
 from geodesic_motion_ros.studies.comparison.scene import Scene, draw_scene
+from geodesic_motion_ros.utils.errors import ParameterError
 
 #: Our detours from other base paths.
 DETOURED = ("mean demonstration + detour", "ProMP + detour", "nearest demonstration + detour")
@@ -244,3 +246,17 @@ def test_barriers_evade_what_comes(arena, scene) -> None:
     # What the barrier allows, and a little more.
     assert moved(method.settings["gain"] * (apart - method.settings["kept_off"]) + 0.15) > 1e-4
     assert moved(0.0) < 1e-6
+
+
+def test_the_paper_s_planner_goes_to_the_goal_and_takes_no_skill_without_its_model(arena) -> None:
+    with pytest.raises(ParameterError, match="paper's model"):
+        made("paper", arena)
+    pouring = Arena.of(Skill.load("panda_pouring"))
+    scene, method = draw_scene(pouring, "none", 0, 0), made("paper", pouring)
+    method.reset(scene)
+    poses = [method.tick(TICK * tick, Obstacles.none()).pose for tick in range(1500)]
+    np.testing.assert_allclose(poses[-1][0], scene.goal_pose[0], atol=1e-3)
+    assert angle_between(poses[-1][1], scene.goal_pose[1]) < 0.01
+    # The mass that is commanded makes no jump, and is no faster than what it follows, but for where its goal was moved.
+    steps = np.linalg.norm(np.diff([position for position, _ in poses], axis=0), axis=1)
+    assert 0.0 < steps.max() < 0.01
