@@ -1,0 +1,36 @@
+"""A limit to the energy of the paper's paths: floors change what is far from the data alone, and all is handed over."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+
+from geodesic_motion_ros.skill.skill import Skill
+from geodesic_motion_ros.studies.experiments.energy_limit import EnergyLimitReport, Ratios, with_floor
+from geodesic_motion_ros.studies.tools.cost_limit import CostLimit
+from geodesic_motion_ros.utils.tables import write_json
+
+
+def test_a_lower_floor_is_felt_far_from_the_data_and_not_on_it() -> None:
+    skill = Skill.load("paper_reach")
+    low = with_floor(skill, 1e4)
+    codes, far = skill.codes[:, ::20].reshape(-1, 3), skill.latent_upper[None] + 50.0
+    np.testing.assert_array_equal(low.decoder.configurations(codes), skill.decoder.configurations(codes))
+    # Without a kernel that reaches there sigma is the floor's.
+    np.testing.assert_allclose(low.decoder.uncertainty(far), 1e4, rtol=1e-9)
+    np.testing.assert_allclose(with_floor(low, 1.0).decoder.uncertainty(far), 1.0, rtol=1e-9)
+    before, after = skill.decoder.uncertainty(codes), low.decoder.uncertainty(codes)
+    np.testing.assert_allclose(1.0 / before - 1.0 / after, skill.decoder.sigma_floor - 1e-4, rtol=1e-6, atol=1e-9)
+
+
+def test_sets_and_floors_are_taken_together_over_their_seeds(tmp_path) -> None:
+    costs = [CostLimit(np.array([2.0 + seed]), np.array([1.0, 1.1])) for seed in range(2)]
+    report = EnergyLimitReport(tuple(Ratios("separated", seed, 1.0, costs[seed]) for seed in range(2)))
+    whole = report.of_all("separated", 1.0)
+    assert (len(whole.hits), len(whole.clear), whole.area) == (2, 4, 1.0)
+    assert report.table().count("\n") == 1 + 2 + 1
+    content = json.loads(write_json(tmp_path / "figures.json", report.as_dict()).read_text())
+    assert [item["area"] for item in content["ratios"]] == [1.0, 1.0]
+    report.draw(tmp_path / "energy_limit.png")
+    assert (tmp_path / "energy_limit.png").read_bytes().startswith(b"\x89PNG")
