@@ -18,8 +18,9 @@ obstacle and body together. Columns of the table:
 
 infeasible  share of the scenes in which no path was found
 hits        paths found on which the arm (its meshes, by PyBullet) touches the sphere, of all that were found
-capped      both again where paths that cost too much count as none: more than `PlannerSettings.cost_cap` times what a
-            demonstration costs without obstacles. The planner always does that; the paper tells blocked paths by it
+capped      both again where paths that cost too much count as none: more than `cap` times what a demonstration costs
+            without obstacles; and how many hits and clear paths that refuses. The planner always does that, with
+            `PlannerSettings.cost_cap`; the paper tells blocked paths by it
 least       the least distance of the arm's collision spheres from that sphere on any of them [mm], negative inside
 clearance   the same distance: mean of the paths [mm]
 deviation   of the body points from the path without obstacles, matched by dynamic time warping: mean of the paths [mm]
@@ -191,8 +192,8 @@ class LawsReport(Report):
     def table(self) -> str:
         """The table as plain text."""
         head = [
-            "obstacles", "zeta", "width", "infeasible", "hits", "capped: infeasible", "hits", "least mm",
-            "clearance mm", "deviation mm", "length", "ms",
+            "obstacles", "zeta", "width", "infeasible", "hits", "capped: infeasible", "hits",
+            "hits, clear refused", "least mm", "clearance mm", "deviation mm", "length", "ms",
         ]  # fmt: skip
         rows: list[list[Cell]] = []
         for row in self.summary():
@@ -201,7 +202,7 @@ class LawsReport(Report):
                 row["kind"], None if row["strength"] is None else f"{row['strength']:.0f}",
                 None if row["width"] is None else f"{row['width']:g}", f"{row['infeasible']:.0%}",
                 f"{row['hits']} of {row['found']}", f"{row['capped_infeasible']:.0%}",
-                f"{row['capped_hits']} of {row['capped_found']}", 1e3 * row["clearance_least"],
+                f"{row['capped_hits']} of {row['capped_found']}", _refused(row), 1e3 * row["clearance_least"],
                 1e3 * row["clearance_mean"], 1e3 * row["deviation_mean"],
                 None if math.isnan(length) else f"{length:.3f}", 1e3 * row["seconds_median"],
             ])  # fmt: skip
@@ -231,6 +232,12 @@ class LawsReport(Report):
         write_figure(figure, path)
 
 
+def _refused(row: dict[str, Any]) -> str:
+    """Hits and clear paths that the cap refuses, of a row of the summary."""
+    hits = row["hits"] - row["capped_hits"]
+    return f"{hits}, {row['found'] - row['capped_found'] - hits}"
+
+
 def _mean(values: Sequence[float]) -> float:
     return float(np.mean(values)) if len(values) else math.nan
 
@@ -242,6 +249,7 @@ class ObstacleLaws(OfSkill):
     skill: str = option("panda_reach_to_grasp", "of joint space: its folder, or a shipped name", metavar="SKILL")
     scenes: int = option(120, "of a sphere near the path, or on it", least=1)
     seed: int = option(0, "of the scenes")
+    cap: float = option(PlannerSettings.cost_cap, "times what a demonstration costs: dearer paths are capped", least=1)
     laws: tuple[Law, ...] = LAWS
     planner: PlannerSettings = field(default_factory=PlannerSettings)
 
@@ -249,7 +257,7 @@ class ObstacleLaws(OfSkill):
         """ParameterError: a skill of task space or on the raw sheet, or no scene found on it."""
         if skill.space != "joint":
             raise ParameterError(f"skill '{skill.name}' is of task space: the laws are compared with the whole arm")
-        compared = _Compared(skill, self.laws, self.planner)
+        compared = _Compared(skill, self.laws, replace(self.planner, cost_cap=self.cap))
         answers = [answer for number in range(self.scenes) for answer in compared.answers(number, self.seed)]
         return LawsReport(skill.name, tuple(answers), self.laws)
 

@@ -9,7 +9,7 @@ import numpy as np
 from geodesic_motion_ros.studies.tools.cost_limit import CostLimit, limit_columns
 
 
-def test_hits_that_all_cost_more_are_told_by_a_limit_between() -> None:
+def test_a_limit_between_refuses_all_hits_that_cost_more() -> None:
     apart = CostLimit(np.array([2.0, 3.0]), np.array([1.0, 1.2, 1.1]))
     assert apart.area == 1.0
     assert apart.refused(1.5) == (2, 0)
