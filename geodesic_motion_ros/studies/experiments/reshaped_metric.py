@@ -5,13 +5,16 @@ The ambient metric is the paper's, m(p) = 1 + zeta exp(-|p - o|^2 / (2 r^2)), at
 are found as its planner finds them (`paper`): on a dense grid, with a spline through the shortest path; nothing is
 removed near the sphere, nothing is certified.
 
+*Change*: a small sphere on the geodesic of a pair of ends that was shown, at every place of it that is tried. Where the
+geodesic comes past it by following the demonstrations of another pair, that which stays nearest to them is kept.
+
 *Many geodesics*: between random supported points, on a graph of the whole latent box from which nothing is deleted,
 beside straight latent lines. What counts is the share of a curve inside the support.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -20,20 +23,30 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
+from matplotlib.patches import Circle
 from scipy.spatial import cKDTree
 
 from geodesic_motion_ros.geometry.fitted_spline import fitted_spline
 from geodesic_motion_ros.manifold.decoder import rms_sigma
 from geodesic_motion_ros.skill.skill import Skill
+from geodesic_motion_ros.studies.experiments.grasp_joint_scenes import passed_in_turn
 from geodesic_motion_ros.studies.experiments.latent_pictures import MAGNIFICATION_LABEL, draw_haloed
 from geodesic_motion_ros.studies.experiments.learned_paths import LearnedPaths, whole_box
 from geodesic_motion_ros.studies.experiments.metric_graph import evenly
-from geodesic_motion_ros.studies.experiments.pouring_scene import SPHERE_RADIUS
+from geodesic_motion_ros.studies.experiments.pouring_scene import PLACES, SPHERE_RADIUS
 from geodesic_motion_ros.studies.paper.dense_graph import dense_graph
 from geodesic_motion_ros.studies.paper.literal_search import LiteralSearch, ambient_factors
 from geodesic_motion_ros.studies.paper.paper_planner import COEFFICIENTS, SAMPLES, PaperSettings
 from geodesic_motion_ros.visualization.latent_view import magnification_factor
-from geodesic_motion_ros.visualization.plots import BLUE, VERMILION, demonstrations_of, write_figure
+from geodesic_motion_ros.visualization.plots import (
+    BLUE,
+    GREEN,
+    GREY,
+    ORANGE,
+    VERMILION,
+    demonstrations_of,
+    write_figure,
+)
 
 #: Where the sphere is on its line, from the middle of the geodesic without it [m].
 PLACES_ON_LINE = (-0.15, -0.05, 0.0, 0.05, 0.15)
@@ -41,6 +54,10 @@ _LINE = np.array([-1.0, 0.0, 0.0])
 #: Pairs of random points, and sides of the pictures.
 PAIRS = 60
 _SIDE = 200
+#: Radius of the sphere on the path of a pair [m], and where it is tried, in samples of the geodesic.
+_SMALL, _TRIED = 0.02, range(20, 81, 5)
+#: Colours of the groups of demonstrations.
+_GROUPS = (GREEN, GREY, ORANGE)
 #: zeta of the ambient metric.
 _STRENGTH = PaperSettings().strength
 
@@ -66,6 +83,31 @@ class Snapshot:
 
 
 @dataclass(frozen=True, eq=False)
+class Change:
+    """A sphere on the geodesic of a pair that was shown, which then follows other demonstrations.
+
+    Attributes
+    ----------
+    centre : of the sphere (3,) [m]. without, geodesic : (n, 2) latent points before and with it.
+    passed : groups that the geodesic with it passes, in turn; before it passes that of its pair alone.
+    nearest : distance of the tool's origin from the sphere's surface [m]; off, off_without : largest distance of the
+        tool's origin from the demonstrations [m].
+    tried, clear, found : places that were tried; where it is clear of the sphere; where it passes other groups besides.
+    """
+
+    centre: np.ndarray
+    without: np.ndarray
+    geodesic: np.ndarray
+    passed: tuple[int, ...]
+    nearest: float
+    off: float
+    off_without: float
+    tried: int = 0
+    clear: int = 0
+    found: int = 0
+
+
+@dataclass(frozen=True, eq=False)
 class RandomGeodesic:
     """A latent geodesic (n, 2) between two random supported points.
 
@@ -85,12 +127,14 @@ class RandomGeodesic:
 
 @dataclass(frozen=True, eq=False)
 class ReshapedMetric:
-    """Both, of one skill; `without` : the geodesic without the sphere, (n, 2)."""
+    """Of one skill; `without` : the geodesic without the sphere, (n, 2); `change` : None where none is found.
+    """
 
     skill: Skill
     without: np.ndarray
     snapshots: tuple[Snapshot, ...]
     geodesics: tuple[RandomGeodesic, ...]
+    change: Change | None
 
     def as_dict(self) -> dict[str, Any]:
         """What `--json` writes."""
@@ -100,6 +144,7 @@ class ReshapedMetric:
                 {"place": item.place, "nearest": item.nearest, "nearest_without": item.nearest_without}
                 for item in self.snapshots
             ],
+            "change": None if self.change is None else vars(self.change),
             "random_geodesics": {
                 "pairs": len(self.geodesics),
                 "inside_the_support": sum(whole),
@@ -114,8 +159,14 @@ class ReshapedMetric:
 
     def lines(self) -> list[str]:
         """The figures in words, for a table."""
-        random = self.as_dict()["random_geodesics"]
+        random, change = self.as_dict()["random_geodesics"], self.change
         return [
+            *([] if change is None else [
+                f"sphere of {1e3 * _SMALL:.0f} mm on the geodesic of a pair that was shown: of {change.tried} places "
+                f"clear in {change.clear}, in {change.found} of these through other groups; drawn: "
+                f"{', '.join(map(str, change.passed))}, {1e3 * change.nearest:.1f} mm clear, "
+                f"{1e3 * change.off:.1f} mm off the demonstrations ({1e3 * change.off_without:.1f} mm without it)",
+            ]),
             *(
                 f"the paper's search, sphere at {1e3 * item.place:+.0f} mm: tool's origin {1e3 * item.nearest:.1f} mm "
                 f"from its surface, {1e3 * item.nearest_without:.1f} mm without knowing of it"
@@ -147,7 +198,8 @@ def reshape_metric(skill: Skill, pairs: int = PAIRS, seed: int = 0) -> ReshapedM
         )
         picture = magnification_factor(skill, _SIDE, partial(_stretched, centre))
         snapshots.append(Snapshot(place, picture, latent, nearest, nearest_without))
-    return ReshapedMetric(skill, without, tuple(snapshots), tuple(_random_geodesics(skill, pairs, seed)))
+    random = tuple(_random_geodesics(skill, pairs, seed))
+    return ReshapedMetric(skill, without, tuple(snapshots), random, _change(skill))
 
 
 class _Search:
@@ -166,11 +218,39 @@ class _Search:
         return fitted_spline(self._graph.latent[self._search.nodes], COEFFICIENTS)(np.linspace(0.0, 1.0, SAMPLES))
 
 
-def _stretched(centre: np.ndarray, positions: np.ndarray) -> np.ndarray:
+def _stretched(centre: np.ndarray, positions: np.ndarray, radius: float = SPHERE_RADIUS) -> np.ndarray:
     """The paper's ambient factor (n,) of a sphere at (3,) [m] at positions (n, 3) [m]."""
     factors = np.empty(len(positions))
-    ambient_factors(positions, centre[None], np.array([SPHERE_RADIUS]), _STRENGTH, factors)
+    ambient_factors(positions, centre[None], np.array([radius]), _STRENGTH, factors)
     return factors
+
+
+def _change(skill: Skill) -> Change | None:
+    """The change of groups that stays nearest to the demonstrations."""
+    codes = demonstrations_of(skill)
+    each, samples = len(codes) // len(PLACES), codes.shape[1]
+    shown = cKDTree(skill.decoder.decode(codes.reshape(-1, 2)).positions)
+    changes, tried, clear = [], 0, 0
+    for group in PLACES:
+        search = _Search(skill, codes[group * each, 0], codes[group * each, -1])
+        without = search.geodesic(np.empty((0, 3)), np.empty(0))
+        before = skill.decoder.decode(without).positions
+        if passed_in_turn(shown.query(before)[1] // (each * samples)) != (group,):
+            continue
+        for at in _TRIED:
+            latent = search.geodesic(before[at][None], np.array([_SMALL]))
+            positions = skill.decoder.decode(latent).positions
+            nearest = float(np.linalg.norm(positions - before[at], axis=1).min()) - _SMALL
+            away, index = shown.query(positions)
+            passed = passed_in_turn(index // (each * samples))
+            tried, clear = tried + 1, clear + (nearest > 0.0)
+            if nearest > 0.0 and set(passed) - {group}:
+                off_without = float(shown.query(before)[0].max())
+                changes.append(Change(before[at], without, latent, passed, nearest, float(away.max()), off_without))
+    if not changes:
+        return None
+    best = min(changes, key=lambda change: change.off)
+    return replace(best, tried=tried, clear=clear, found=len(changes))
 
 
 def _random_geodesics(skill: Skill, pairs: int, seed: int) -> list[RandomGeodesic]:
@@ -196,7 +276,10 @@ def _supported_share(skill: Skill, curve: np.ndarray) -> float:
 
 
 def draw_reshaped_metric(report: ReshapedMetric, path: Path) -> None:
-    """The snapshots under one scale, and the geodesics between random points."""
+    """The snapshots under one scale, and the geodesics between random points; in NAME_change.png the change of groups.
+    """
+    if report.change is not None:
+        _draw_change(report.skill, report.change, path.with_stem(f"{path.stem}_change"))
     figure = Figure(figsize=(13.0, 7.4), layout="constrained")
     panels = figure.subplots(2, 3).ravel()
     free = magnification_factor(report.skill, _SIDE)
@@ -222,6 +305,36 @@ def draw_reshaped_metric(report: ReshapedMetric, path: Path) -> None:
         Line2D([], [], color=VERMILION, linewidth=1.2, label="f: above it"),
     ]
     figure.legend(handles=handles, loc="outside lower center", ncols=4, frameon=False, fontsize=9)
+    write_figure(figure, path)
+
+
+def _draw_change(skill: Skill, change: Change, path: Path) -> None:
+    """Before and after, in the latent space and from above."""
+    figure = Figure(figsize=(12.0, 5.4), layout="constrained")
+    left, right = figure.subplots(1, 2)
+    factors = partial(_stretched, change.centre, radius=_SMALL)
+    picture = magnification_factor(skill, _SIDE, factors)
+    scale = {"vmin": np.percentile(picture, 2.0), "vmax": np.percentile(picture, 99.8)}
+    image = _draw_background(left, skill, picture, scale)
+    figure.colorbar(image, ax=left, label=MAGNIFICATION_LABEL, pad=0.01)
+    left.set_title("a  latent space with the sphere", loc="left", fontsize=11)
+    codes = demonstrations_of(skill)
+    for number, code in enumerate(codes):
+        colour = _GROUPS[number // (len(codes) // len(PLACES))]
+        left.plot(*code.T, color=colour, linewidth=1.0)
+        right.plot(*(100.0 * skill.decoder.decode(code).positions[:, 1::-1].T), color=colour, linewidth=1.0)
+    for latent, colour, style in ((change.without, BLUE, "--"), (change.geodesic, VERMILION, "-")):
+        draw_haloed(left, latent, colour, style)
+        right.plot(*(100.0 * skill.decoder.decode(latent).positions[:, 1::-1].T), style, color=colour, linewidth=2.2)
+    right.add_patch(Circle(100.0 * change.centre[1::-1], 100.0 * _SMALL, color="black", alpha=0.5))
+    right.set(xlabel="y [cm]", ylabel="x [cm]", aspect="equal")
+    right.set_title("b  from above: the sphere and the tool", loc="left", fontsize=11)
+    handles = [
+        Line2D([], [], color=BLUE, linestyle="--", linewidth=2.2, label="geodesic before"),
+        Line2D([], [], color=VERMILION, linewidth=2.2, label="geodesic with the sphere"),
+        *(Line2D([], [], color=colour, label=f"shown, bottle {group}") for group, colour in enumerate(_GROUPS)),
+    ]
+    figure.legend(handles=handles, loc="outside lower center", ncols=5, frameon=False, fontsize=9)
     write_figure(figure, path)
 
 

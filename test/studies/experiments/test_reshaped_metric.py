@@ -2,10 +2,18 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
-from geodesic_motion_ros.studies.experiments.reshaped_metric import PLACES_ON_LINE, ReshapedMetric, reshape_metric
+from geodesic_motion_ros.studies.experiments.reshaped_metric import (
+    PLACES_ON_LINE,
+    Change,
+    ReshapedMetric,
+    draw_reshaped_metric,
+    reshape_metric,
+)
 from geodesic_motion_ros.visualization.latent_view import magnification_factor
 
 
@@ -39,3 +47,15 @@ def test_shares_of_random_geodesics_are_shares(report) -> None:
         assert 0.0 <= item.line_supported <= 1.0
     assert report.as_dict()["random_geodesics"]["pairs"] == 4
     assert "4 geodesics between random supported points" in report.lines()[-1]
+
+
+def test_a_change_of_groups_is_named_and_drawn_and_else_there_is_none(report, tmp_path) -> None:
+    place = report.skill.decoder.decode(report.without).positions[50]
+    change = Change(place, report.without, report.snapshots[2].geodesic, (0, 2, 0), 0.028, 0.019, 0.007, 39, 10, 9)
+    whole = replace(report, change=change)
+    assert "of 39 places clear in 10, in 9 of these through other groups; drawn: 0, 2, 0, 28.0 mm" in whole.lines()[0]
+    assert whole.as_dict()["change"]["passed"] == (0, 2, 0)
+    draw_reshaped_metric(whole, tmp_path / "metric.png")
+    assert (tmp_path / "metric_change.png").read_bytes().startswith(b"\x89PNG")
+    draw_reshaped_metric(replace(report, change=None), tmp_path / "none.png")
+    assert not (tmp_path / "none_change.png").exists()
