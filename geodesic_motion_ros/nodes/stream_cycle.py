@@ -35,8 +35,6 @@ DEADLINE_SHARE = 0.5
 LONGEST_ADVANCE = 0.02
 #: What is reported where a simulated clock is to be followed and there is none.
 NO_CLOCK = "use_sim_time is set, and nothing has been received on /clock"
-#: A simulated clock shows less [s], a real one more.
-_LONGEST_SIMULATION = 1e8
 #: What is reported of a goal while it is being prepared.
 PREPARING = "the newest goal is being prepared"
 #: An arm that was lost rests when it has stayed this long [s] near one place.
@@ -209,6 +207,7 @@ class StreamCycle(ABC, Generic[Place, Prepared]):
         self._missing = False  # whether joint states have been missing for longer than resume_timeout
         self._jump = 0.0  # of the clock [s], since the arm last was where it was sent
         self._set_by = 0.0
+        self._simulated = False
         self._began = self._heard = 0.0
         self._step = 0.0  # by which what is commanded moves on in the newest cycle whose inputs are known [s]
         self._lost: Unsettled | None = None
@@ -239,10 +238,11 @@ class StreamCycle(ABC, Generic[Place, Prepared]):
         """By how much what is commanded moves on [s]; a clock that was set drops the goal."""
         passed, self._heard = inputs.heard - self._heard, inputs.heard
         jump, self._set_by = inputs.set_by - self._set_by, inputs.set_by
+        was_simulated, self._simulated = self._simulated, inputs.simulated
         if jump != 0.0:
             self._jump = jump
             # A simulation that is reset begins at 0, too.
-            no_clock = not inputs.has_clock and abs(jump) > _LONGEST_SIMULATION
+            no_clock = not inputs.has_clock and not was_simulated
             self._drop_goal(NO_CLOCK if no_clock else f"the clock was set by {jump:+.1f} s")
         return min(passed, LONGEST_ADVANCE) if inputs.simulated else period
 

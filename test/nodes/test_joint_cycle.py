@@ -458,6 +458,19 @@ def test_a_clock_that_was_set_stops_the_arm_where_it_is(cycle, arm, inputs, jump
     np.testing.assert_allclose(arm.measured(), inputs.goal, atol=1e-9)
 
 
+@pytest.mark.parametrize(
+    ("simulated", "reason"),
+    [(True, "the clock was set by -1800000000.0 s"), (False, "use_sim_time is set, and nothing has been received on /clock")],
+)
+def test_a_simulation_of_today_that_begins_at_zero_again_is_no_missing_clock(cycle, arm, inputs, simulated, reason):
+    """A node that is to follow a simulation from now on has a clock at 0, too."""
+    follow(cycle, arm, dataclasses.replace(inputs, simulated=simulated), 0.5)
+    at_zero = dataclasses.replace(inputs, simulated=True, has_clock=False, set_by=-1.8e9)
+    stopped = cycle.run(dataclasses.replace(at_zero, measured=arm.measured(), now=arm.now, heard=arm.now), PERIOD)
+    assert stopped.goal_verdict.code is VerdictCode.NO_GOAL
+    assert stopped.goal_verdict.reason == f"goal dropped: {reason}; send the goal again"
+
+
 def test_nothing_is_sent_before_there_is_a_goal(cycle, arm, inputs):
     outputs = follow(cycle, arm, dataclasses.replace(inputs, goal=None, goal_number=0), 0.5)
     assert all(output.trajectory is None for output in outputs)
