@@ -181,6 +181,33 @@ def fan_with_varying_ends(seed: int = 0) -> Demonstrations:
     return Demonstrations(tuple(items))
 
 
+@pytest.fixture(scope="module")
+def brief_training() -> Iterator[None]:
+    """Trainings by the command are brief: small networks and latent graphs, and one place for a sphere in the report.
+
+    The command has no option for them. What is learned so briefly is supported nearly everywhere: a graph of the usual
+    size would take longest of all.
+    """
+    from geodesic_motion_ros.learning import joint_training, training
+    from geodesic_motion_ros.skill import skill
+    from geodesic_motion_ros.visualization import skill_report
+
+    small = {"hidden": (48, 32), "samples": 60, "batch": 128, "precision_samples": 2, "precision_iterations": 40}
+
+    def brief(train: Callable[..., Skill]) -> Callable[..., Skill]:
+        return lambda shown, *given: train(
+            shown, *(replace(each, **small) if hasattr(each, "precision_iterations") else each for each in given)
+        )
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(training, "train_task_space_skill", brief(training.train_task_space_skill))
+        patch.setattr(joint_training, "train_joint_space_skill", brief(joint_training.train_joint_space_skill))
+        patch.setattr(skill_report, "PLACES", 1)
+        for dimension, shape in ((2, (30, 30)), (3, (9, 9, 9))):
+            patch.setitem(skill.GRID_SHAPES, dimension, shape)
+        yield
+
+
 @pytest.fixture(scope="session")
 def fan() -> Demonstrations:
     """What fan_skill was learned from."""

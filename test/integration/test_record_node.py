@@ -7,7 +7,6 @@ import pty
 import signal
 import subprocess
 import sys
-from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -19,7 +18,6 @@ from sensor_msgs.msg import JointState
 from std_srvs.srv import SetBool, Trigger
 
 from geodesic_motion_ros.demonstrations.readers import joint_takes
-from geodesic_motion_ros.learning import joint_training
 from geodesic_motion_ros.nodes import hand_guide
 from geodesic_motion_ros.nodes.messages import joint_state_message, pose_message
 from geodesic_motion_ros.nodes.record_node import RecordNode
@@ -81,15 +79,8 @@ def record_all(bench, path: np.ndarray, **how) -> Trigger.Response:
     return answer
 
 
-def test_takes_of_a_guided_arm_are_recorded_read_and_learned(
-    bench, skill, skill_folder, tmp_path, capsys, monkeypatch
-):
-    thoroughly = joint_training.train_joint_space_skill
-
-    def briefly(shown, robot, settings, *more):
-        small = {"hidden": (16, 16), "samples": 40, "precision_samples": 2, "precision_iterations": 10}
-        return thoroughly(shown, robot, replace(settings, **small), *more)
-
+@pytest.mark.usefixtures("brief_training")
+def test_takes_of_a_guided_arm_are_recorded_read_and_learned(bench, skill, skill_folder, tmp_path, capsys):
     folder, out = tmp_path / "takes", tmp_path / "learned"
     bench.add(TwinNode, skill=str(skill_folder))
     bench.add(RecordNode, folder=str(folder))
@@ -102,7 +93,6 @@ def test_takes_of_a_guided_arm_are_recorded_read_and_learned(
     assert "mm from the nearest other" in lines[2]
     assert main(["inspect", str(folder), "--picture", str(tmp_path / "takes.png")]) == 0
     assert capsys.readouterr().out.count("take_00") >= 3
-    monkeypatch.setattr(joint_training, "train_joint_space_skill", briefly)
     train = ["train", "--demos", str(folder), "--out", str(out), "--steps", "30", "--kernels", "20"]
     # what so few steps learn may be without a motion
     assert main([*train, "--latent-dimension", "2"]) in (0, 1)
