@@ -43,7 +43,7 @@ demo: $(kernels) ## a Panda takes its elbow out of a moving obstacle's path: two
 test: lint $(kernels) ## ruff, then the tests of the product, three at a time
 	@$(pytest) --numprocesses=3 --ignore=test/studies $(ARGS) < /dev/null
 
-test-all: test ## these, then the tests of the studies
+test-all: test ## these, then the tests of the studies and the whole demos
 	@$(pytest) --numprocesses=auto --maxprocesses=2 test/studies $(ARGS) < /dev/null
 
 lint: $(ready) ## ruff
