@@ -57,7 +57,7 @@ def assemble_skill(
 
     Raises
     ------
-    SkillError : no demonstration's ends are connected inside the support.
+    SkillError : no demonstration's ends are connected inside the support, or nothing of one of a literal model.
     RobotError : there is no such robot.
     """
     described = RobotDescription.named(robot)
@@ -92,7 +92,7 @@ def assemble_skill(
     )
     return Skill.of(
         model,
-        calibrated_energy_per_edge(model.graph(), codes),
+        calibrated_energy_per_edge(model.graph(), codes, whole=settings.schedule != "joint"),
         start_pose=start,
         goal_pose=goal,
         base_frame=described.base_link,
@@ -113,17 +113,20 @@ def canonical_sheet(form: CanonicalDemonstrations) -> CanonicalSheet:
     return sheet if np.any(modes) else replace(sheet, penalty=regression_penalty(sheet.features(), form.positions))
 
 
-def calibrated_energy_per_edge(graph: PoseGraph, codes: np.ndarray) -> float:
+def calibrated_energy_per_edge(graph: PoseGraph, codes: np.ndarray, whole: bool = True) -> float:
     """Largest squared length of one edge that a feasible path may have; see `dearest_energy`."""
     still = graph.transported(Offsets.none(graph.mean_path_count), np.zeros((1, 3)))
-    return dearest_energy(graph, still.energies(), codes)
+    return dearest_energy(graph, still.energies(), codes, whole)
 
 
-def dearest_energy(graph: LatentGraph, energies: np.ndarray, codes: np.ndarray) -> float:
+def dearest_energy(graph: LatentGraph, energies: np.ndarray, codes: np.ndarray, whole: bool = True) -> float:
     """Largest squared length of one edge that a feasible path may have.
 
     ENERGY_MULTIPLE times the dearest edge of the shortest obstacle-free paths between the first and last code
     of every demonstration, for squared lengths (m,) and codes (N, T, d).
+
+    whole : whether such a path has to be there; else of each demonstration the part counts that lies in the piece of
+        the graph which holds most of it. The paper's planner has the whole box: a gap in the support stops it nowhere.
 
     Raises
     ------
@@ -132,7 +135,8 @@ def dearest_energy(graph: LatentGraph, energies: np.ndarray, codes: np.ndarray) 
     count = len(graph.latent)
     first, second = graph.edges.T
     lengths = coo_matrix((np.sqrt(energies), (first, second)), shape=(count, count)).tocsr()
-    _, ends = cKDTree(graph.latent).query(codes[:, [0, -1]])
+    nodes = cKDTree(graph.latent).query(codes)[1]
+    ends = nodes[:, [0, -1]] if whole else np.array([_joined_ends(row, graph.component[row]) for row in nodes])
     distances, before = dijkstra(lengths, directed=False, indices=ends[:, 0], return_predecessors=True)
     joined = [row for row, goal in enumerate(ends[:, 1]) if np.isfinite(distances[row, goal])]
     dearest = max((_dearest_step(distances[row], before[row], ends[row]) for row in joined), default=0.0)
@@ -142,6 +146,11 @@ def dearest_energy(graph: LatentGraph, energies: np.ndarray, codes: np.ndarray) 
             "train with more steps, more kernels or a wider kernel bandwidth"
         )
     return ENERGY_MULTIPLE * dearest**2
+
+
+def _joined_ends(nodes: np.ndarray, components: np.ndarray) -> np.ndarray:
+    """First and last of a demonstration's nodes (T,) in the component (T,) that most of them are of."""
+    return nodes[components == np.bincount(components).argmax()][[0, -1]]
 
 
 def _dearest_step(distances: np.ndarray, before: np.ndarray, ends: np.ndarray) -> float:

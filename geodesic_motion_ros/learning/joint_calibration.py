@@ -42,7 +42,7 @@ def assemble_joint_skill(
 
     Raises
     ------
-    SkillError : no demonstration's ends are connected inside the support.
+    SkillError : no demonstration's ends are connected inside the support, or nothing of one of a literal model.
     """
     sheet = None
     configurations = np.stack(
@@ -73,7 +73,7 @@ def assemble_joint_skill(
     )
     return Skill.of(
         model,
-        calibrated_energy(model.graph(), codes),
+        calibrated_energy(model.graph(), codes, whole=settings.schedule != "joint"),
         start_pose=np.concatenate(robot.forward(start)),
         goal_pose=np.concatenate(robot.forward(goal)),
         base_frame=robot.base_link,
@@ -97,10 +97,10 @@ def joint_sheet(form: CanonicalJointDemonstrations) -> JointSheet:
     return replace(sheet, penalty=regression_penalty(sheet.features(), form.configurations))
 
 
-def calibrated_energy(graph: ConfigurationGraph, codes: np.ndarray) -> float:
+def calibrated_energy(graph: ConfigurationGraph, codes: np.ndarray, whole: bool = True) -> float:
     """Largest squared length of one edge that a feasible path may have; see `calibration.dearest_energy`."""
     still = graph.transported(JointOffsets.none(graph.robot, graph.mean_path_count))
-    return dearest_energy(graph, still.energies(), codes)
+    return dearest_energy(graph, still.energies(), codes, whole)
 
 
 def _reconstruction_quality(

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 import torch
 
+from geodesic_motion_ros.learning.calibration import dearest_energy
 from geodesic_motion_ros.learning.joint_calibration import calibrated_energy
 from geodesic_motion_ros.learning.joint_training import (
     body_layer,
@@ -17,8 +18,10 @@ from geodesic_motion_ros.learning.joint_training import (
 )
 from geodesic_motion_ros.learning.settings import JointTrainingSettings
 from geodesic_motion_ros.manifold.configuration_graph import JointMetricSettings
+from geodesic_motion_ros.manifold.joint_transport import JointOffsets
+from geodesic_motion_ros.manifold.latent_graph import connected_pieces
 from geodesic_motion_ros.robot.kinematics import Robot
-from geodesic_motion_ros.utils.errors import ParameterError
+from geodesic_motion_ros.utils.errors import ParameterError, SkillError
 
 ROBOT = Robot.named("panda")
 IN_NO_TIME = JointTrainingSettings(
@@ -127,6 +130,21 @@ def test_a_skill_reproduces_what_it_was_shown(reach_demonstrations) -> None:
 def test_the_threshold_of_energy_is_that_of_paths_along_the_demonstrations(reach_skill) -> None:
     graph = reach_skill.graph()
     assert calibrated_energy(graph, reach_skill.codes) == pytest.approx(reach_skill.energy_per_edge, rel=1e-9)
+
+
+def test_of_a_literal_model_the_support_need_not_join_the_ends(reach_skill) -> None:
+    """Where it is torn across all demonstrations, what is left of them counts."""
+    graph, codes = reach_skill.graph(), reach_skill.codes
+    energies = graph.transported(JointOffsets.none(ROBOT, graph.mean_path_count)).energies()
+    intact = dearest_energy(graph, energies, codes)
+    assert dearest_energy(graph, energies, codes, whole=False) == intact
+    early = graph.progress[graph.edges] < 0.3
+    kept = early[:, 0] == early[:, 1]
+    edges = graph.edges[kept]
+    torn = replace(graph, edges=edges, component=connected_pieces(edges, len(graph.latent)))
+    with pytest.raises(SkillError, match="connected inside the support"):
+        dearest_energy(torn, energies[kept], codes)
+    assert 0.0 < dearest_energy(torn, energies[kept], codes, whole=False) < np.inf
 
 
 @pytest.mark.parametrize(

@@ -11,6 +11,9 @@ ends_mm          mean distance of both ends of the path from those that were dem
 people_mm        dtw of pairs of demonstrations among themselves: human variation
 unanswered       held-out demonstrations for which no path was found, or whose training made no skill: its support does
                  not join the ends of any demonstration; they count in no mean
+
+Means are over all seeds. A second table has a row for every training: mean distance of the tool, and mean angle, in
+what comes back of the demonstrations that were learned, and for how many of the held-out ones there is a path.
 """
 
 from __future__ import annotations
@@ -18,7 +21,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import asdict, dataclass, replace
-from itertools import combinations
+from itertools import combinations, product
 from pathlib import Path
 from typing import Any
 
@@ -34,10 +37,11 @@ from geodesic_motion_ros.planning.planner import ReactivePlanner
 from geodesic_motion_ros.planning.pose_path import PosePath, PosePathPlanner
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.skill.skill import Skill
+from geodesic_motion_ros.studies.experiments.folds import Fold
 from geodesic_motion_ros.studies.experiments.imitation import Progress, stage_shown_on
 from geodesic_motion_ros.studies.experiments.imitation_judge import EVERY_END
 from geodesic_motion_ros.studies.experiments.joint_imitation import tool_curve
-from geodesic_motion_ros.studies.experiments.study import OfRecordings, Recording, Report, option, steps
+from geodesic_motion_ros.studies.experiments.study import OfRecordings, Recording, Report, option, seeds, steps
 from geodesic_motion_ros.studies.experiments.trained import trained_once
 from geodesic_motion_ros.studies.paper.paper_planner import PaperPlanner
 from geodesic_motion_ros.studies.tools.similarity import COMPARED_POINTS, compare
@@ -65,18 +69,40 @@ class LiteralRow:
 
 
 @dataclass(frozen=True)
+class LiteralTraining:
+    """One training: how far the tool is off in what comes back of its demonstrations (NaN where it made no skill), and
+    how many of the demonstrations that it was not shown have a path.
+    """
+
+    recording: str
+    planner: str
+    held_out: str
+    seed: int
+    error_mm: float
+    error_deg: float
+    answered: int
+
+
+@dataclass(frozen=True)
 class LiteralReport(Report):
-    """Rows, two for every recording; held_out : demonstrations that each is a mean of."""
+    """Rows, one for every recording and planner; held_out : demonstrations that each is a mean of, with every seed."""
 
     rows: tuple[LiteralRow, ...]
+    trainings: tuple[LiteralTraining, ...]
     held_out: dict[str, int]
 
     def table(self) -> str:
         head = ("recording", "planner", "dtw mm", "orientation deg", "ends mm", "people mm", "unanswered")
-        return text_table(head, [tuple(asdict(row).values()) for row in self.rows], digits=1, left=(0, 1))
+        of_trainings = ("recording", "planner", "held out", "seed", "error mm", "error deg", "with a path")
+        return "\n".join([
+            text_table(head, [tuple(asdict(row).values()) for row in self.rows], digits=1, left=(0, 1)), "",
+            text_table(of_trainings, [tuple(asdict(one).values()) for one in self.trainings], digits=1, left=(0, 1, 2)),
+        ])  # fmt: skip
 
     def as_dict(self) -> dict[str, Any]:
-        return {"rows": [asdict(row) for row in self.rows], "held_out": self.held_out}
+        return {name: [asdict(row) for row in getattr(self, name)] for name in ("rows", "trainings")} | {
+            "held_out": self.held_out
+        }
 
     def draw(self, path: Path) -> None:
         """Bars of the held-out distance, the literal planner beside ours; dashes: people among themselves."""
@@ -85,7 +111,8 @@ class LiteralReport(Report):
         names = list(self.held_out)
         for shift, planner, colour in ((-0.2, LITERAL, VERMILION), (0.2, OURS, BLUE)):
             rows = [row for row in self.rows if row.planner == planner]
-            axes.bar(np.arange(len(names)) + shift, [row.dtw_mm for row in rows], 0.38, color=colour, label=planner)
+            if rows:
+                axes.bar(np.arange(len(names)) + shift, [row.dtw_mm for row in rows], 0.38, color=colour, label=planner)
         people = [next(row.people_mm for row in self.rows if row.recording == name) for name in names]
         axes.hlines(people, np.arange(len(names)) - 0.42, np.arange(len(names)) + 0.42, "black", "--", label="people")
         axes.set_xticks(np.arange(len(names)), names)
@@ -99,35 +126,39 @@ class Literal(OfRecordings):
     """Train both kinds of skills on every fold of every recording, and predict what was held out."""
 
     joints = True
-    seed: int = option(0, "of the trainings")
+    seeds: tuple[int, ...] = seeds("one training each of every fold", (0,))
     steps: int | None = steps()
+    rows: str = option("both", "literal: the paper to the letter alone", choices=("both", "literal"))
 
     def measure(self, out: Path) -> LiteralReport:
-        rows, held_out = [], {}
+        rows, trainings, held_out = [], [], {}
+        planners = (LITERAL,) if self.rows == "literal" else (LITERAL, OURS)
         for name, recording, folds in self.split():
-            found: dict[str, list[tuple[PoseCurve, PoseCurve | None]]] = {LITERAL: [], OURS: []}
-            with tqdm(total=2 * len(folds), desc=name, unit="skill") as bar:
-                for fold in folds:
-                    shown, hidden = recording.split(fold)
-                    for planner, settings in _settings(recording, self.seed, self.steps).items():
-                        predict = _predictor(name, shown, planner, settings, out / "skills", stage_shown_on(bar))
-                        found[planner] += [(_tool(item, recording), predict(item)) for item in hidden]
-                        bar.update()
+            found: dict[str, list[tuple[PoseCurve, PoseCurve | None]]] = {planner: [] for planner in planners}
+            asked = list(product(folds, self.seeds, planners))
+            for fold, seed, planner in (bar := tqdm(asked, desc=name, unit="skill")):
+                shown, hidden = recording.split(fold)
+                settings = _settings(recording, planner, seed, self.steps)
+                skill = _trained(name, shown, settings, out / "skills", stage_shown_on(bar))
+                predict = (_literal if planner == LITERAL else _ours)(skill) if skill else lambda _: None
+                pairs = [(_tool(item, recording), predict(item)) for item in hidden]
+                found[planner] += pairs
+                trainings.append(_training(name, planner, fold, seed, skill, pairs))
             people = [
                 compare(_tool(one, recording), _tool(other, recording)).dtw
                 for one, other in combinations(recording, 2)
             ]
             rows += [_row(name, planner, pairs, 1e3 * float(np.mean(people))) for planner, pairs in found.items()]
-            held_out[name] = len(found[OURS])
-        return LiteralReport(tuple(rows), held_out)
+            held_out[name] = sum(len(fold) for fold in folds)
+        return LiteralReport(tuple(rows), tuple(trainings), held_out)
 
 
 def _settings(
-    recording: Recording, seed: int, steps: int | None
-) -> dict[str, TrainingSettings | JointTrainingSettings]:
+    recording: Recording, planner: str, seed: int, steps: int | None
+) -> TrainingSettings | JointTrainingSettings:
     kind = JointTrainingSettings if isinstance(recording, JointDemonstrations) else TrainingSettings
-    both = {LITERAL: kind.paper(seed=seed), OURS: kind(seed=seed)}
-    return both if steps is None else {name: replace(settings, steps=steps) for name, settings in both.items()}
+    settings = kind.paper(seed=seed) if planner == LITERAL else kind(seed=seed)
+    return settings if steps is None else replace(settings, steps=steps)
 
 
 def _tool(item: Any, recording: Recording) -> PoseCurve:
@@ -137,19 +168,28 @@ def _tool(item: Any, recording: Recording) -> PoseCurve:
     return item.curve
 
 
-def _predictor(
+def _trained(
     name: str,
     shown: Recording,
-    planner: str,
     settings: TrainingSettings | JointTrainingSettings,
     cache: Path,
     progress: Progress,
-) -> Predict:
+) -> Skill | None:
     try:
-        skill = trained_once(name, shown, settings, cache, progress)
+        return trained_once(name, shown, settings, cache, progress)
     except SkillError:
-        return lambda _: None
-    return (_literal if planner == LITERAL else _ours)(skill)
+        return None
+
+
+def _training(
+    name: str, planner: str, fold: Fold, seed: int, skill: Skill | None, pairs: list[tuple[PoseCurve, PoseCurve | None]]
+) -> LiteralTraining:
+    errors = [
+        skill.quality[f"training_{error}"] if skill else math.nan
+        for error in ("position_error_mm", "orientation_error_deg")
+    ]
+    answered = sum(path is not None for _, path in pairs)
+    return LiteralTraining(name, planner, ",".join(map(str, fold)), seed, *errors, answered)
 
 
 def _literal(skill: Skill) -> Predict:

@@ -41,9 +41,25 @@ def test_both_planners_predict_what_was_held_out(
         assert row.people_mm > 0.0
     # Ours meets the ends that it is given; the paper's begins and ends at nodes of its grid.
     assert rows[OURS].ends_mm < 0.1 < rows[LITERAL].ends_mm
-    assert report.table().count("\n") == 3
+    assert [(one.planner, one.held_out, one.seed, one.answered) for one in report.trainings] == [
+        (LITERAL, "0", 0, 1), (OURS, "0", 0, 1),
+    ]  # fmt: skip
+    assert report.table().count("\n") == 8
     report.draw(tmp_path / "literal.png")
     assert (tmp_path / "literal.png").stat().st_size > 5_000
+
+
+def test_of_several_seeds_every_training_has_a_row(
+    reach_demonstrations: JointDemonstrations, of_shipped_skills: list, tmp_path: Path
+) -> None:
+    report = Literal({"reach": reach_demonstrations}, "0/1,2", seeds=(3, 4), rows="literal").measure(tmp_path)
+    assert [(one.held_out, one.seed, one.answered) for one in report.trainings] == [
+        ("0", 3, 1), ("0", 4, 1), ("1,2", 3, 2), ("1,2", 4, 2),
+    ]  # fmt: skip
+    assert [settings.seed for settings in of_shipped_skills] == [3, 4, 3, 4]
+    assert [row.planner for row in report.rows] == [LITERAL]
+    assert report.held_out == {"reach": 3}
+    report.draw(tmp_path / "literal.png")
 
 
 def test_a_training_that_makes_no_skill_leaves_its_demonstrations_unanswered(
@@ -56,3 +72,4 @@ def test_a_training_that_makes_no_skill_leaves_its_demonstrations_unanswered(
     report = Literal({"reach": reach_demonstrations}, "0,2/1").measure(tmp_path)
     assert [row.unanswered for row in report.rows] == [3, 3]
     assert all(np.isnan(row.dtw_mm) for row in report.rows)
+    assert all(np.isnan(one.error_mm) and one.answered == 0 for one in report.trainings)
