@@ -140,6 +140,14 @@ def _fixed(data: Samples, settings: JointTrainingSettings) -> Callable[[Tensor],
     return lambda latent: latent.new_full((*latent.shape[:-1], joints), 1.0 / settings.fixed_sigma)
 
 
+def counted_log_volume(body: BodyLayer, means: Tensor, shown: Tensor) -> Tensor:
+    """Return log V (B,) of means (B, eta) [rad], each no less than that of the configuration (B, eta) it stands for.
+
+    The gain of singular postures has nearly no end, and would lead means there from anywhere.
+    """
+    return torch.maximum(body.log_volume(means), body.log_volume(shown))
+
+
 def _ascend(
     vae: JointSpaceVAE,
     data: Samples,
@@ -150,13 +158,8 @@ def _ascend(
     body: BodyLayer,
     progress: Progress | None,
 ) -> None:
-    """Climb the weighted evidence lower bound over every parameter the model has now.
-
-    log V counts no less than at the most singular configuration shown: the gain of a mean that is singular has nearly
-    no end, and would lead it there from anywhere.
-    """
+    """Climb the weighted evidence lower bound over every parameter the model has now."""
     variance = prior_variance(settings)
-    least = body.log_volume(data.configurations).min() if settings.volume_weight > 0.0 else None
 
     def loss(step: int) -> Tensor:
         batch = data.take(torch.randint(len(data.configurations), (settings.batch,)))
@@ -167,8 +170,8 @@ def _ascend(
         if settings.body_sigma > 0.0:
             off = (body.points(means) - batch.points) / settings.body_sigma
             likelihood = likelihood - 0.5 * (off**2).sum(-1).mean(-1)
-        if least is not None:
-            likelihood = likelihood - settings.volume_weight * body.log_volume(means).clamp(min=least)
+        if settings.volume_weight > 0.0:
+            likelihood = likelihood - settings.volume_weight * counted_log_volume(body, means, batch.configurations)
         warm = min(1.0, step / max(1.0, settings.kl_warm_up * steps))
         return (warm * settings.kl_weight * divergence - likelihood).mean()
 
