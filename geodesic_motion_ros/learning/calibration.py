@@ -57,7 +57,7 @@ def assemble_skill(
 
     Raises
     ------
-    SkillError : no demonstration's ends are connected inside the support, or nothing of one of a literal model.
+    SkillError : no demonstration's ends are connected inside the support; of a literal model no two of its nodes.
     RobotError : there is no such robot.
     """
     described = RobotDescription.named(robot)

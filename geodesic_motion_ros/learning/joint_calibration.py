@@ -42,7 +42,7 @@ def assemble_joint_skill(
 
     Raises
     ------
-    SkillError : no demonstration's ends are connected inside the support, or nothing of one of a literal model.
+    SkillError : no demonstration's ends are connected inside the support; of a literal model no two of its nodes.
     """
     sheet = None
     configurations = np.stack(

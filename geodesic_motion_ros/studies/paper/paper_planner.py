@@ -160,8 +160,9 @@ class PaperPlanner:
         if tuple(held) == self.held:
             return Verdict(VerdictCode.OK)
         if held and (len(held) > 1 or not isinstance(self.graph, PoseGraph)):
-            known = "the paper's planner knows one held object, with a skill of the tool: detach the others"
-            return Verdict(VerdictCode.BAD_INPUT, known)
+            poses = isinstance(self.graph, PoseGraph)
+            takes = "one held object: detach the others" if poses else "no held object with skills of joints: detach it"
+            return Verdict(VerdictCode.BAD_INPUT, f"the paper's planner takes {takes}")
         self.held = tuple(held)
         self._held_radius = 0.5 * float(np.median(held[0].sides)) if held else 0.0
         if isinstance(self.graph, PoseGraph):
