@@ -14,6 +14,7 @@ beside straight latent lines. What counts is the share of a curve inside the sup
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -226,27 +227,45 @@ def _stretched(centre: np.ndarray, positions: np.ndarray, radius: float = SPHERE
 
 
 def _change(skill: Skill) -> Change | None:
-    """The change of groups that stays nearest to the demonstrations."""
     codes = demonstrations_of(skill)
-    each, samples = len(codes) // len(PLACES), codes.shape[1]
-    shown = cKDTree(skill.decoder.decode(codes.reshape(-1, 2)).positions)
+    each = len(codes) // len(PLACES)
+    searches = [_Search(skill, codes[group * each, 0], codes[group * each, -1]).geodesic for group in PLACES]
+
+    def positions(latent: np.ndarray) -> np.ndarray:
+        return skill.decoder.decode(latent).positions
+
+    groups = np.split(positions(codes[: each * len(PLACES)].reshape(-1, 2)), len(PLACES))
+    return change_of_groups(searches, positions, np.stack(groups))
+
+
+def change_of_groups(
+    searches: Sequence[Callable[[np.ndarray, np.ndarray], np.ndarray]],
+    positions: Callable[[np.ndarray], np.ndarray],
+    groups: np.ndarray,
+) -> Change | None:
+    """Put the sphere on the geodesic of each group, and keep the change that stays nearest to the demonstrations.
+
+    searches : of each group, the geodesic (n, 2) of one of its pairs of ends among spheres (o, 3), (o,) [m].
+    positions : of the tool (n, 3) [m] at latent points (n, 2). groups : positions (g, m, 3) [m] that each group shows.
+    """
+    shown, size = cKDTree(groups.reshape(-1, 3)), groups.shape[1]
     changes, tried, clear = [], 0, 0
-    for group in PLACES:
-        search = _Search(skill, codes[group * each, 0], codes[group * each, -1])
-        without = search.geodesic(np.empty((0, 3)), np.empty(0))
-        before = skill.decoder.decode(without).positions
-        if passed_in_turn(shown.query(before)[1] // (each * samples)) != (group,):
+    for group, geodesic in enumerate(searches):
+        without = geodesic(np.empty((0, 3)), np.empty(0))
+        before = positions(without)
+        away_before, index = shown.query(before)
+        if passed_in_turn(index // size) != (group,):
             continue
-        for at in _TRIED:
-            latent = search.geodesic(before[at][None], np.array([_SMALL]))
-            positions = skill.decoder.decode(latent).positions
-            nearest = float(np.linalg.norm(positions - before[at], axis=1).min()) - _SMALL
-            away, index = shown.query(positions)
-            passed = passed_in_turn(index // (each * samples))
+        for centre in before[_TRIED]:
+            latent = geodesic(centre[None], np.array([_SMALL]))
+            after = positions(latent)
+            nearest = float(np.linalg.norm(after - centre, axis=1).min()) - _SMALL
+            away, index = shown.query(after)
+            passed = passed_in_turn(index // size)
             tried, clear = tried + 1, clear + (nearest > 0.0)
             if nearest > 0.0 and set(passed) - {group}:
-                off_without = float(shown.query(before)[0].max())
-                changes.append(Change(before[at], without, latent, passed, nearest, float(away.max()), off_without))
+                off, off_without = float(away.max()), float(away_before.max())
+                changes.append(Change(centre, without, latent, passed, nearest, off, off_without))
     if not changes:
         return None
     best = min(changes, key=lambda change: change.off)

@@ -11,6 +11,7 @@ from geodesic_motion_ros.studies.experiments.reshaped_metric import (
     PLACES_ON_LINE,
     Change,
     ReshapedMetric,
+    change_of_groups,
     draw_reshaped_metric,
     reshape_metric,
 )
@@ -59,3 +60,41 @@ def test_a_change_of_groups_is_named_and_drawn_and_else_there_is_none(report, tm
     assert (tmp_path / "metric_change.png").read_bytes().startswith(b"\x89PNG")
     draw_reshaped_metric(replace(report, change=None), tmp_path / "none.png")
     assert not (tmp_path / "none_change.png").exists()
+
+
+#: Three groups that are shown, straight on and 10 cm apart.
+GROUPS = np.array([[[x, y, 0.0] for x in np.linspace(0.0, 1.0, 101)] for y in (0.0, 0.1, 0.2)])
+
+
+def straight_on(group: int, deviation: float):
+    """A search whose geodesic deviates by so much [m] at the sphere, from 0.1 before it to 0.1 behind."""
+
+    def geodesic(centres: np.ndarray, radii: np.ndarray) -> np.ndarray:
+        latent = GROUPS[group, :, :2].copy()
+        for centre in centres:
+            latent[np.abs(latent[:, 0] - centre[0]) <= 0.1, 1] += deviation
+        return latent
+
+    return geodesic
+
+
+def flat(latent: np.ndarray) -> np.ndarray:
+    """The tool is where the latent point is."""
+    return np.column_stack([latent, np.zeros(len(latent))])
+
+
+def test_a_change_follows_another_group_past_the_sphere_and_the_nearest_to_what_was_shown_is_kept() -> None:
+    # The first comes clear off the demonstrations, the second beside them, the third stays on its own.
+    change = change_of_groups([straight_on(0, 0.08), straight_on(1, 0.1), straight_on(2, 0.03)], flat, GROUPS)
+    assert change.passed == (2, 1)  # kept is the first of the nearest; of a tenth on its own before, nothing is said
+    assert (change.tried, change.clear, change.found) == (39, 39, 26)
+    assert change.off == pytest.approx(0.0, abs=1e-12)
+    # nearest are the samples of its own group just before it leaves
+    assert change.nearest == pytest.approx(min(0.1, 0.11) - 0.02, abs=1e-9)
+
+
+def test_through_the_sphere_or_among_the_own_demonstrations_is_no_change() -> None:
+    through, near = straight_on(0, 0.0), straight_on(1, 0.03)
+    assert change_of_groups([through, near], flat, GROUPS) is None
+    # Without a sphere it follows another group already: not tried.
+    assert change_of_groups([straight_on(1, 0.1)], flat, GROUPS) is None
