@@ -60,7 +60,6 @@ setup(
         # Methods that `geodesic-motion benchmark` compares with; what is not installed is left out there.
         "benchmark": ["movement_primitives", "pytransform3d", "ompl", "pin", "pin-pink", "daqp"],
         "timing": PEER_LIBRARIES,
-        "bench": PEER_LIBRARIES,  # the old name of `timing`, until the next version
         "test": ["hypothesis", "mpmath", "pytest", "pytest-xdist", "ruff"],
     },
     data_files=[

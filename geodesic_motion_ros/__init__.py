@@ -7,8 +7,6 @@ What a program begins with is imported from here, and loaded when it is first us
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
-from geodesic_motion_ros.utils import moved
-
 if TYPE_CHECKING:
     from geodesic_motion_ros.demonstrations.demonstrations import Demonstrations
     from geodesic_motion_ros.obstacles.obstacles import Obstacles
@@ -25,8 +23,6 @@ _MODULES = {
     "Robot": "robot.kinematics",
     "Skill": "skill.skill",
 }
-
-moved.find_old_paths()
 
 
 def __getattr__(name: str) -> Any:

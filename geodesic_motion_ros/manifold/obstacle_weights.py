@@ -121,10 +121,6 @@ class NodeEvaluation(NamedTuple):
         return bool(np.any(self.affected[nodes]) or np.any(self.clearance[nodes] < margin))
 
 
-#: Its name in the version before: compiled kernels that are cached look it up before they are found outdated.
-Reshaping = NodeEvaluation
-
-
 @numba.njit(cache=True, nogil=True)
 def _gaps(
     lower: np.ndarray,

@@ -221,3 +221,16 @@ def test_the_tool_s_spheres_stay_clear_where_only_they_avoid(planner) -> None:
 )
 def test_goals_that_are_none_are_refused(planner, position, quaternion, code) -> None:
     assert planner.set_goal(np.array(position), np.array(quaternion)).code is code
+
+
+def test_a_plan_has_the_poses_of_the_tool() -> None:
+    planner = ReactivePlanner(SKILL)
+    plan = planner.plan(START.position, START.quaternion, GOAL.position, GOAL.quaternion)
+    positions, quaternions = plan.tool_poses
+    assert positions.shape == (len(plan.reference.times), 3)
+    for i in (0, len(positions) // 2, -1):
+        pose = Pose(*planner.robot.forward(plan.reference.positions[i]))
+        np.testing.assert_allclose(positions[i], pose.position, atol=1e-12)
+        assert abs(quaternions[i] @ pose.quaternion) == pytest.approx(1.0)
+    assert np.all(np.sum(quaternions[1:] * quaternions[:-1], axis=1) > 0.0)
+    assert planner.tick(0.0).tool_poses is None

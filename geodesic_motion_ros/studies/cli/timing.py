@@ -41,7 +41,6 @@ A loaded machine lengthens wall times; cpu and the ratios hold.
 from __future__ import annotations
 
 import argparse
-import sys
 
 from geodesic_motion_ros.cli.arguments import HelpFormatter, add_json, indices, writable
 from geodesic_motion_ros.utils.errors import ParameterError
@@ -57,8 +56,6 @@ examples:
   geodesic-motion timing --detours 1,5,10
 """
 
-#: The command's name in the version before: it is still understood, and goes with the next one.
-_OLD_NAME = "bench"
 #: With --moving or --detours where none is given, and without.
 _SKILLS, _SKILL = ("panda_pouring", "panda_bottle2shelf", "panda_reach_to_grasp"), ("panda_reach_to_grasp",)
 
@@ -66,7 +63,7 @@ _SKILLS, _SKILL = ("panda_pouring", "panda_bottle2shelf", "panda_reach_to_grasp"
 def add_command(commands: argparse._SubParsersAction) -> None:
     """Add the command to the parser of the command line."""
     parser = commands.add_parser(
-        "timing", aliases=[_OLD_NAME], help="how fast the search answers while obstacles move, beside graph libraries",
+        "timing", help="how fast the search answers while obstacles move, beside graph libraries",
         description=__doc__, epilog=_EPILOG, formatter_class=HelpFormatter,
     )  # fmt: skip
     parser.add_argument(
@@ -93,9 +90,6 @@ def run(arguments: argparse.Namespace) -> None:
     from geodesic_motion_ros.studies.benchmarks.moving_report import MovingSettings, measure_moving
     from geodesic_motion_ros.studies.benchmarks.run import BenchSettings, alone, measured_alone
 
-    if arguments.command == _OLD_NAME:
-        text = f"geodesic-motion: {_OLD_NAME} is now timing; the old name goes with the next version"
-        print(text, file=sys.stderr)
     writable(arguments.json)
     moving, detours = arguments.moving, arguments.detours
     if moving is not None and min(moving) < 0:

@@ -35,16 +35,6 @@ def test_what_cannot_be_done_is_reported_in_one_line(arguments, reported, tmp_pa
     assert reported in line
 
 
-def test_its_old_name_is_understood_and_says_the_new_one(capsys) -> None:
-    """The control: the new name says nothing of it."""
-    said = {}
-    for name in ("bench", "timing"):
-        assert main([name, "--skill", "no_such_skill"]) == 2
-        said[name] = capsys.readouterr().err
-    assert "bench is now timing; the old name goes with the next version" in said["bench"]
-    assert "is now" not in said["timing"]
-
-
 def test_ctrl_c_ends_it_without_a_traceback(tmp_path) -> None:
     arguments = ["timing", "--quick", "--json", str(tmp_path / "timing.json")]
     command = [sys.executable, "-m", "geodesic_motion_ros", *arguments]
