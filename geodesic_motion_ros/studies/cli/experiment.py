@@ -6,7 +6,13 @@ import argparse
 import os
 import sys
 import time
+import traceback
+from collections import deque
+from collections.abc import Iterator, Sequence
+from contextlib import redirect_stderr, redirect_stdout
 from dataclasses import replace
+from multiprocessing import get_context
+from multiprocessing.connection import wait
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -20,7 +26,7 @@ if TYPE_CHECKING:
 
 _DESCRIPTION = """\
 {studies}
-all             all that need no recording, with their default arguments, one after the other; an hour
+all             all that need no recording, with their default arguments, on all cores; what they print: NAME/log.txt
 
 What the paper shows and what these show stands in geodesic_motion_ros/studies/experiments/README.md. Table, figure and
 JSON go to out/experiments/NAME/. Skills that are trained for a study are kept in out/experiments/skills and taken from
@@ -110,20 +116,18 @@ def _save(path: Path, study: OfOwnData) -> None:
 
 
 def _all(arguments: argparse.Namespace) -> None:
-    """Run every study as it is by default; what fails is reported and does not stop the others."""
+    """Run every study as it is by default, on all cores; what fails is reported and does not stop the others."""
     folder, rows = _folder(arguments), []
-    alone = {name: entry for name, entry in STUDIES.items() if not entry.of_recordings}
-    for number, (name, entry) in enumerate(alone.items(), start=1):
-        print(f"[{number}/{len(alone)}] {name}", flush=True)
-        began, busy, error = time.monotonic(), _processor_time(), ""
-        try:
-            study = _seeded(entry.load()(), arguments.seeds_from)
-            _run(argparse.Namespace(experiment=name, out=arguments.out, json=None), study)
-        except Exception as failure:
-            error = " ".join(f"{type(failure).__name__}: {failure}".split())
-            print(f"failed: {error}", flush=True)
-        took = {"seconds": time.monotonic() - began, "processor_seconds": _processor_time() - busy}
-        rows.append({"experiment": name, **took, "error": error})
+    names = [name for name, entry in STUDIES.items() if not entry.of_recordings]
+    timed = [name for name in names if STUDIES[name].timed]
+    together = [name for name in names if name not in timed]
+    cores = len(os.sched_getaffinity(0))
+    for several, beside in ((together, cores), (timed, 1)):
+        for row in _each(several, beside, arguments):
+            rows.append(row)
+            said = f"failed: {row['error']}" if row["error"] else "done"
+            print(f"[{len(rows)}/{len(names)}] {row['experiment']} {said} in {row['seconds']:.0f} s", flush=True)
+    rows.sort(key=lambda row: names.index(row["experiment"]))
     lines = [
         [row["experiment"], "failed" if row["error"] else "done", row["seconds"], row["processor_seconds"],
          row["error"]]
@@ -136,8 +140,55 @@ def _all(arguments: argparse.Namespace) -> None:
         raise ExperimentError(f"{len(failed)} of {len(rows)} experiments failed: {', '.join(failed)}")
 
 
+def _each(names: Sequence[str], beside: int, arguments: argparse.Namespace) -> Iterator[dict[str, Any]]:
+    """Run studies in processes of their own, at most so many beside one another; a row for each that has ended."""
+    waiting, running = deque(names), {}
+    try:
+        while waiting or running:
+            while waiting and len(running) < beside:
+                name = waiting.popleft()
+                process = get_context("fork").Process(target=_default, args=(name, arguments))
+                process.start()
+                running[process.sentinel] = name, process, time.monotonic()
+            for ended in wait(running):
+                name, process, began = running.pop(ended)
+                busy = _processor_time()
+                process.join()
+                took = {"seconds": time.monotonic() - began, "processor_seconds": _processor_time() - busy}
+                yield {"experiment": name, **took, "error": _error(process.exitcode, _log(arguments, name))}
+    finally:
+        for _, process, _ in running.values():
+            process.terminate()
+            process.join()
+
+
+def _default(name: str, arguments: argparse.Namespace) -> None:
+    """Run a study with its default settings; what it prints goes to log.txt in its folder, an error in the last line.
+    """
+    own = argparse.Namespace(experiment=name, out=arguments.out, json=None)
+    _folder(own)
+    with _log(arguments, name).open("w", buffering=1) as log, redirect_stdout(log), redirect_stderr(log):
+        try:
+            _run(own, _seeded(STUDIES[name].load()(), arguments.seeds_from))
+        except Exception as failure:
+            traceback.print_exc()
+            print(" ".join(f"{type(failure).__name__}: {failure}".split()))
+            sys.exit(1)
+
+
+def _log(arguments: argparse.Namespace, name: str) -> Path:
+    return arguments.out / name / "log.txt"
+
+
+def _error(exitcode: int, log: Path) -> str:
+    """What ended a process, "" where it has finished: the last line that it printed, or the signal that killed it."""
+    if exitcode <= 0:
+        return f"ended by signal {-exitcode}" if exitcode else ""
+    return (log.read_text().splitlines() or [f"exit status {exitcode}"])[-1]
+
+
 def _seeded(study: Study, first: int) -> Study:
-    """A study with its default seeds, so many further on, in as many processes as there are cores."""
+    """A study with its default seeds, so many further on."""
     from geodesic_motion_ros.studies.experiments.study import options
 
     names, changes = {each.name for each in options(study)}, {}
@@ -145,15 +196,13 @@ def _seeded(study: Study, first: int) -> Study:
         changes["seeds"] = tuple(seed + first for seed in study.seeds)
     if "seed" in names:
         changes["seed"] = study.seed + first
-    if "processes" in names:
-        changes["processes"] = len(os.sched_getaffinity(0))
     return replace(study, **changes)
 
 
 def _processor_time() -> float:
-    """Of this process and of those that it has waited for [s]: it tells on a busy machine what a quiet one takes."""
+    """Of the processes that were waited for [s]: it tells on a busy machine what a quiet one takes."""
     times = os.times()
-    return times.user + times.system + times.children_user + times.children_system
+    return times.children_user + times.children_system
 
 
 def _folder(arguments: argparse.Namespace) -> Path:

@@ -2,9 +2,9 @@
 
 The simulated teacher shows three of the nine pairs (`joint_teacher.pouring`), and the paths of the three cross. The
 planner plans all nine pairs: from the mean configuration at a bottle to that at a cup. Every motion is played by
-the arm in PyBullet, among the stands of that bottle and of all cups. Two rows: *ours*, one skill of all pairs for every
-seed, and the paper's to the letter (*literal*), one skill with `JointTrainingSettings.paper` and the first seed,
-planned with `PaperPlanner` from code to code and played by its follower.
+the arm in PyBullet, among the stands of that bottle and of all cups. Two rows, each with one skill of all pairs for
+every seed: *ours*, and the paper's to the letter (*literal*), learned with `JointTrainingSettings.paper`, planned with
+`PaperPlanner` from code to code and played by its follower.
 
 Which group a path is in is judged twice: as the skill sees it, by the ridge that its latent point is nearest to (ours)
 or by the nearest code (literal, which knows no ridges); and by the group whose demonstrated tool positions the executed
@@ -53,7 +53,7 @@ ALL_PAIRS = tuple(product(range(PAIRS), repeat=2))
 
 @dataclass(frozen=True)
 class PouringJoint(Study):
-    """Show, train, plan and play; one skill for each of the `seeds`, the literal row's with the first."""
+    """Show, train, plan and play; one skill of each row for each of the `seeds`."""
 
     shown: int = option(3, "demonstrations of each of three pairs", least=2)
     seeds: tuple[int, ...] = seeds()
@@ -62,20 +62,22 @@ class PouringJoint(Study):
 
     def measure(self, out: Path) -> PouringJointReport:
         ours, literally = JointTrainingSettings(**BRIEFLY), JointTrainingSettings.paper()
-        shown, first = pouring(self.shown, 0), self.seeds[0]
+        shown = pouring(self.shown, 0)
         families, tools = Families.of(shown, PAIRS), shown.tool_demonstrations(Robot.named(shown.robot))
-        trainings = [(ours, seed) for seed in self.seeds] + [(literally, first)]
+        trainings = list(product((ours, literally), self.seeds))
         pourings: list[Pouring] = []
-        players: list[Player] = []
+        first: dict[str, Player] = {}
         for training, seed in tqdm(trainings, desc="pouring-joint", unit="skill"):
             skill = trained_once(TASK, shown, replace(training, seed=seed), out / "skills")
+            player: Player
             if training is ours:
-                players.append(OurArm(ReactivePlanner(skill, self.planner), families))
+                player = OurArm(ReactivePlanner(skill, self.planner), families)
             else:
-                players.append(LiteralArm(PaperPlanner(skill, self.literal), families))
-            pourings += pour_all(players[-1], families, tools, seed)
-        made = settings_table([("ours", players[0], ours), ("literal", players[-1], literally)])
-        return PouringJointReport(self, tuple(pourings), made, tools, players[0].planner)
+                player = LiteralArm(PaperPlanner(skill, self.literal), families)
+            first.setdefault(player.name, player)
+            pourings += pour_all(player, families, tools, seed)
+        made = settings_table([("ours", first["ours"], ours), ("literal", first["literal"], literally)])
+        return PouringJointReport(self, tuple(pourings), made, tools, first["ours"].planner)
 
 
 @dataclass(frozen=True, eq=False)

@@ -15,12 +15,14 @@ class Entry:
     """A study: its class and the file of this folder that it stands in, and what it is about, in a line.
 
     of_recordings : whether it needs recordings, which `experiment all` has not.
+    timed : whether it states times: nothing runs beside it.
     """
 
     file: str
     study: str
     about: str
     of_recordings: bool = False
+    timed: bool = False
 
     def load(self) -> type[Study]:
         """The class."""
@@ -31,7 +33,7 @@ STUDIES: dict[str, Entry] = {
     "toy-task": Entry("toy_task", "ToyTask", "a J in the plane, orientations that draw a C: clusters, geodesic, line"),
     "toy-joint": Entry("toy_joint", "ToyJoint", "an arm of two joints draws an S in two postures"),
     "circle": Entry("circle", "Circle", "circles of the whole arm in four postures: two latent dimensions, and three"),
-    "geodesics": Entry("geodesics", "Geodesics", "methods for a shortest path on one skill: lengths, times"),
+    "geodesics": Entry("geodesics", "Geodesics", "methods for a shortest path: their lengths and times", timed=True),
     "avoidance": Entry("avoidance", "Avoidance", "spheres on the path of held-out demonstrations", True),
     "crossing": Entry("crossing", "CrossingClusters", "what it costs to change between the clusters of q and -q", True),
     "goals": Entry("goals", "Goals", "simulated demonstrations between places that vary: held-out ones predicted"),
@@ -48,9 +50,9 @@ STUDIES: dict[str, Entry] = {
     "energy-limit": Entry("energy_limit", "EnergyLimit", "the paper's model of grasp-joint: does energy tell hits?"),
     "pouring-joint": Entry("pouring_joint", "PouringJoint", "pouring with the whole arm through several groups"),
     "volume": Entry("volume", "Volume", "a skill learned without and with the volume term of the lower bound"),
-    "dimension": Entry("dimension", "Dimension", "two to five latent dimensions, grids and nearest neighbours"),
-    "rate": Entry("running_nodes", "Rate", "planner and twin as two processes: ticks a second, times of reaction"),
+    "dimension": Entry("dimension", "Dimension", "two to five latent dimensions, grids and neighbours", timed=True),
+    "rate": Entry("running_nodes", "Rate", "planner and twin as two processes: ticks, times of reaction", timed=True),
     "literal": Entry("literal", "Literal", "held-out demonstrations by the paper to the letter, beside ours", True),
     "reshaped-tubes": Entry("reshaped_tubes", "ReshapedTubes", "a moving sphere reshapes the metric of the whole arm"),
-    "paper-rate": Entry("running_nodes", "PaperRate", "ticks a second of the paper's planner, and how many are exact"),
+    "paper-rate": Entry("running_nodes", "PaperRate", "ticks of the paper's planner: a second, exact ones", timed=True),
 }

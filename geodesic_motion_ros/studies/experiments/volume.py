@@ -4,9 +4,9 @@ Seen at the robot's body the density of a configuration is p(theta | z) / V(thet
 Jacobian of the body points and of the tool's orientation (`learning.body_layer`). Weighted by `volume_weight` in the
 evidence lower bound, -log V rewards postures in which the joints move the body little. All else is the paper's model
 (`JointTrainingSettings.paper`: raw demonstrations, one lower bound for means and sigma, no likelihood of body points)
-and its planner (`paper/`). Columns of the table, a row per weight:
+and its planner (`paper/`). Columns of the table, a row per weight and seed:
 
-seconds         of training; nothing where the skill came from the cache
+seconds         of processor for the training; nothing where the skill came from the cache
 error_mm, _deg  of the tool in the training demonstrations that encoder and decoder give back
 log_volume      mean log V along the obstacle-free path from the skill's start to its goal; least : its smallest value
 from_mean_mm    mean distance of the tool on that path from the mean demonstration of the nearest family
@@ -16,6 +16,7 @@ from __future__ import annotations
 
 import time
 from dataclasses import asdict, dataclass, replace
+from itertools import product
 from pathlib import Path
 from typing import Any
 
@@ -38,7 +39,7 @@ from geodesic_motion_ros.simulation.joint_teacher import reach_to_grasp
 from geodesic_motion_ros.skill.skill import Skill
 from geodesic_motion_ros.studies.experiments.imitation import stage_shown_on
 from geodesic_motion_ros.studies.experiments.joint_imitation import tool_curve
-from geodesic_motion_ros.studies.experiments.study import Report, Study, option, steps
+from geodesic_motion_ros.studies.experiments.study import Report, Study, option, seeds, steps
 from geodesic_motion_ros.studies.experiments.trained import trained_once
 from geodesic_motion_ros.studies.paper.paper_planner import PaperPlanner
 from geodesic_motion_ros.studies.tools.similarity import compare
@@ -53,9 +54,10 @@ _COLOURS = (BLUE, VERMILION, GREEN, ORANGE)
 
 @dataclass(frozen=True)
 class VolumeRow:
-    """What was measured with one weight; `volumes` (samples,) is log V along the path."""
+    """What was measured with one weight and seed; `volumes` (samples,) is log V along the path."""
 
     weight: float
+    seed: int
     seconds: float | None
     error_mm: float
     error_deg: float
@@ -73,7 +75,7 @@ class VolumeReport(Report):
     shown: np.ndarray
 
     def table(self) -> str:
-        head = ("volume weight", "seconds", "error mm", "error deg", "log V", "least log V", "from mean mm")
+        head = ("volume weight", "seed", "seconds", "error mm", "error deg", "log V", "least log V", "from mean mm")
         return text_table(head, [tuple(asdict(row).values())[:-1] for row in self.rows])
 
     def as_dict(self) -> dict[str, Any]:
@@ -86,10 +88,13 @@ class VolumeReport(Report):
         share = np.linspace(0.0, 1.0, self.shown.shape[1])
         axes.plot(share, self.shown.T, color=GREY, linewidth=0.8, alpha=0.6)
         axes.plot([], [], color=GREY, label="demonstrations")
-        # The first is drawn broad: paths that coincide are seen as both.
-        widths = (5.0, *[2.0] * (len(self.rows) - 1))
-        for row, colour, width in zip(self.rows, _COLOURS, widths, strict=False):
-            axes.plot(share, row.volumes, color=colour, linewidth=width, label=f"planned, volume weight {row.weight:g}")
+        weights = list(dict.fromkeys(row.weight for row in self.rows))
+        for weight, colour in zip(weights, _COLOURS, strict=False):
+            # The first are drawn broad: paths that coincide are seen as both.
+            width = 4.0 if weight == weights[0] else 1.8
+            paths = np.stack([row.volumes for row in self.rows if row.weight == weight])
+            axes.plot(share, paths.T, color=colour, linewidth=width)
+            axes.plot([], [], color=colour, linewidth=width, label=f"planned, volume weight {weight:g}")
         axes.set_xlabel("share of the path")
         axes.set_ylabel("log V: how much the joints move the body")
         axes.legend(frameon=False)
@@ -98,7 +103,7 @@ class VolumeReport(Report):
 
 @dataclass(frozen=True)
 class Volume(Study):
-    """Learn one skill per weight, all else the same, and plan with it.
+    """Learn one skill per weight and seed, all else the same, and plan with it.
 
     shown : what is learned where there are no `demos`; None: simulated reaches.
     training : on the raw sheet; None: the paper's, but for `steps`.
@@ -111,6 +116,7 @@ class Volume(Study):
     robot: str = option(DEFAULT_ROBOT, "whose joints were recorded")
     weights: tuple[float, ...] = option((0.0, 1.0), "of the volume term", type=metres, metavar="W,W")
     steps: int | None = steps()
+    seeds: tuple[int, ...] = seeds("of the trainings, one for each weight")
     shown: JointDemonstrations | None = None
     training: JointTrainingSettings | None = None
 
@@ -128,17 +134,18 @@ class Volume(Study):
         robot, metric = Robot.named(demonstrations.robot), base.metric
         shown = np.stack([along_body_arc(item.configurations, robot, metric, _SAMPLES) for item in demonstrations])
         rows = []
-        with tqdm(self.weights, desc="volume", unit="skill") as bar:
-            for weight in bar:
-                began, trained, tell = time.monotonic(), [], stage_shown_on(bar)
+        with tqdm(list(product(self.weights, self.seeds)), desc="volume", unit="skill") as bar:
+            for weight, seed in bar:
+                began, trained, tell = time.process_time(), [], stage_shown_on(bar)
 
                 def noted(stage: str, step: int, steps: int, trained: list[str] = trained, tell: Any = tell) -> None:
                     trained.append(stage)
                     tell(stage, step, steps)
 
-                training = replace(base, volume_weight=weight)
+                training = replace(base, volume_weight=weight, seed=seed)
                 skill = trained_once("volume", demonstrations, training, out / "skills", noted)
-                rows.append(_measured(skill, shown, weight, time.monotonic() - began if trained else None))
+                seconds = time.process_time() - began if trained else None
+                rows.append(_measured(skill, shown, weight, seed, seconds))
         return VolumeReport(tuple(rows), np.stack([log_volumes(curve, robot, metric) for curve in shown]))
 
     def _demonstrations(self) -> JointDemonstrations:
@@ -152,7 +159,7 @@ def log_volumes(configurations: np.ndarray, robot: Robot, metric: JointMetricSet
     return body_layer(robot, metric).log_volume(torch.tensor(configurations)).numpy()
 
 
-def _measured(skill: Skill, shown: np.ndarray, weight: float, seconds: float | None) -> VolumeRow:
+def _measured(skill: Skill, shown: np.ndarray, weight: float, seed: int, seconds: float | None) -> VolumeRow:
     """The row of a skill; shown : (N, samples, eta) its demonstrations [rad]."""
     planner = PaperPlanner(skill)
     start, goal = (tuple(np.split(pose, [3])) for pose in (skill.start_pose, skill.goal_pose))
@@ -163,6 +170,7 @@ def _measured(skill: Skill, shown: np.ndarray, weight: float, seconds: float | N
     volumes = log_volumes(path, planner.robot, skill.metric)
     return VolumeRow(
         weight,
+        seed,
         seconds,
         skill.quality["training_position_error_mm"],
         skill.quality["training_orientation_error_deg"],

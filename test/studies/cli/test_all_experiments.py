@@ -1,10 +1,12 @@
-"""`experiment all`: each one in turn, a failing one does not stop the others, and the exit status tells of it."""
+"""`experiment all`: a failing one does not stop the others, the exit status tells of it, times are not disturbed."""
 
 from __future__ import annotations
 
 import json
 import os
-from dataclasses import dataclass, make_dataclass
+import signal
+import time
+from dataclasses import asdict, dataclass, make_dataclass
 from pathlib import Path
 from typing import Any
 
@@ -14,9 +16,6 @@ from geodesic_motion_ros.studies.cli import experiment, main
 from geodesic_motion_ros.studies.experiments.registry import Entry
 from geodesic_motion_ros.studies.experiments.study import Report, Study, option, seeds
 from geodesic_motion_ros.utils.errors import ParameterError
-
-#: Processor time [s] that is spent in user mode, in system mode, and so by processes that were waited for.
-SHARES = (1.0, 2.0, 4.0, 8.0)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -30,11 +29,13 @@ class Loaded(Entry):
 
 
 @dataclass(frozen=True)
-class Nothing(Report):
-    """A report of nothing."""
+class Settings(Report):
+    """A report of the settings that a study was run with, and of when."""
+
+    content: dict[str, Any]
 
     def as_dict(self) -> dict[str, Any]:
-        return {}
+        return self.content
 
     def table(self) -> str:
         return "nothing"
@@ -43,57 +44,71 @@ class Nothing(Report):
         path.touch()
 
 
-@pytest.fixture
-def ran(monkeypatch) -> list[tuple[str, Study]]:
-    """What ran, by its name: four studies that measure nothing, of which one is requested wrongly and one has a fault.
+#: Processor time that a study takes at least [s].
+SPENT = 0.1
 
-    Number n of them, from 1, takes n times SHARES of the processor's time. One that needs recordings stands among them.
-    """
-    names: list[tuple[str, Study]] = []
-    spent = [0.0] * 4
 
-    def studied(name: str, fault: Exception | None, **settings: Any) -> Entry:
-        def measure(study: Study, out: Path) -> Nothing:
-            names.append((name, study))
-            spent[:] = [time + len(names) * share for time, share in zip(spent, SHARES, strict=True)]
+@pytest.fixture(autouse=True)
+def studied(monkeypatch) -> None:
+    """Five studies that measure nothing: one is requested wrongly, one is killed, and two state times."""
+
+    def entry(name: str, fault: Exception | int | None, timed: bool = False, **settings: Any) -> Entry:
+        def measure(study: Study, out: Path) -> Settings:
+            print(f"this is {name}")
+            content = asdict(study) | {"began": time.monotonic()}
+            while time.process_time() < SPENT:
+                pass
+            if isinstance(fault, int):
+                os.kill(os.getpid(), fault)
             if fault is not None:
                 raise fault
-            return Nothing()
+            return Settings(content | {"ended": time.monotonic()})
 
         kinds = [(each, Any, default) for each, default in settings.items()]
         study = make_dataclass("Played", kinds, bases=(Study,), frozen=True, namespace={"measure": measure})
-        return Loaded("", about=name, study=study)
+        return Loaded("", about=name, timed=timed, study=study)
 
-    monkeypatch.setattr(os, "times", lambda: os.times_result((*spent, 0.0)))
     found = {
-        "several": studied("several", None, seeds=seeds(), kept=3),
-        "wrong": studied("wrong", ParameterError("not today")),
+        "alone": entry("alone", None, True),
+        "several": entry("several", None, seeds=seeds(), kept=3),
+        "wrong": entry("wrong", ParameterError("not today")),
         "recorded": Entry("", "", "", of_recordings=True),
-        "single": studied("single", None, seed=option(5, "of it"), processes=option(1, "that play")),
-        "faulty": studied("faulty", ZeroDivisionError("a fault")),
+        "killed": entry("killed", signal.SIGKILL),
+        "single": entry("single", None, True, seed=option(5, "of it")),
     }
     monkeypatch.setattr(experiment, "STUDIES", found)
-    return names
 
 
-def test_all_go_on_after_failures_and_tell_of_them(ran, tmp_path: Path, capsys) -> None:
+def figures(path: Path) -> dict[str, Any]:
+    return json.loads((path / "figures.json").read_text())
+
+
+def test_all_go_on_after_failures_and_tell_of_them(tmp_path: Path, capsys) -> None:
     assert main(["experiment", "all", "--out", str(tmp_path)]) == 2
     printed = capsys.readouterr()
-    assert printed.err == "geodesic-motion: 2 of 4 experiments failed: wrong, faulty\n"
-    assert "[4/4] faulty" in printed.out
-    content = json.loads((tmp_path / "all" / "figures.json").read_text())["experiments"]
-    assert [row["experiment"] for row in content] == [name for name, _ in ran]
-    assert [name for name, _ in ran] == ["several", "wrong", "single", "faulty"]
-    assert [row["processor_seconds"] for row in content] == [sum(SHARES) * (n + 1) for n in range(len(ran))]
-    assert [row["error"] for row in content] == ["", "ParameterError: not today", "", "ZeroDivisionError: a fault"]
+    assert printed.err == "geodesic-motion: 2 of 5 experiments failed: wrong, killed\n"
+    assert "[5/5] single done" in printed.out
+    content = figures(tmp_path / "all")["experiments"]
+    assert [row["experiment"] for row in content] == ["alone", "several", "wrong", "killed", "single"]
+    assert all(row["processor_seconds"] > 0.5 * SPENT for row in content)
+    errors = ["", "", "ParameterError: not today", f"ended by signal {signal.SIGKILL:d}", ""]
+    assert [row["error"] for row in content] == errors
     assert (tmp_path / "all" / "table.txt").read_text().count("failed") == 2
     assert (tmp_path / "several" / "several.png").is_file()
+    assert "this is several" in (tmp_path / "several" / "log.txt").read_text()
+    assert "Traceback" in (tmp_path / "wrong" / "log.txt").read_text()
 
 
-def test_seeds_of_all_begin_where_one_asks(ran, tmp_path: Path) -> None:
+def test_what_states_times_runs_when_nothing_else_does(tmp_path: Path) -> None:
+    assert main(["experiment", "all", "--out", str(tmp_path)]) == 2
+    beside, *alone = (figures(tmp_path / name) for name in ("several", "alone", "single"))
+    assert beside["ended"] <= alone[0]["began"]
+    assert alone[0]["ended"] <= alone[1]["began"]
+
+
+def test_seeds_of_all_begin_where_one_asks(tmp_path: Path) -> None:
     assert main(["experiment", "all", "--out", str(tmp_path), "--seeds-from", "10000"]) == 2
-    studies = dict(ran)
-    assert studies["several"].seeds == (10_000, 10_001, 10_002)
-    assert studies["several"].kept == 3
-    assert studies["single"].seed == 10_005
-    assert studies["single"].processes == len(os.sched_getaffinity(0))
+    several, single = (figures(tmp_path / name) for name in ("several", "single"))
+    assert several["seeds"] == [10_000, 10_001, 10_002]
+    assert several["kept"] == 3
+    assert single["seed"] == 10_005
