@@ -6,13 +6,15 @@ length in the reshaped metric, is divided by that of the free path from the same
 PyBullet's meshes. Each skill plans with several floors of 1 / sigma, as `far_sigma`: what was learned stays, the floor
 of the network is replaced.
 
-Columns: paths that hit and that stay clear; *area* under the curve of hits refused over clear paths refused (1: a
+Columns: energies without a sphere, the largest to the goal of the own family, the least to that of another one; paths
+that hit and that stay clear; *area* under the curve of hits refused over clear paths refused (1: a
 limit tells all, 0.5: none does better than chance); the dearest clear path and the cheapest hit; and under each limit
 how many hits, and how many clear paths, cost more.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -29,8 +31,10 @@ from geodesic_motion_ros.studies.experiments.grasp_joint import (
     SETS,
     all_scenes,
     answered,
+    energy_of,
     energy_ratios,
     shown_sets,
+    to_other_families,
 )
 from geodesic_motion_ros.studies.experiments.grasp_joint_scenes import Stage
 from geodesic_motion_ros.studies.experiments.study import Report, Study, option, seeds, setting
@@ -46,12 +50,21 @@ FLOORS = (1.0, 1e2, 1e4)
 
 @dataclass(frozen=True)
 class Ratios:
-    """Energies over the free path's of one skill's paths; far_sigma : of its floor."""
+    """Energies of one skill's paths.
+
+    Attributes
+    ----------
+    far_sigma : of its floor. energies : among spheres, over the free path's.
+    within, across : without a sphere, to the goal of the own family and to that of another one (f,); families that meet
+        have no across.
+    """
 
     kind: str
     seed: int
     far_sigma: float
     energies: CostLimit
+    within: np.ndarray
+    across: np.ndarray
 
 
 @dataclass(frozen=True)
@@ -76,10 +89,14 @@ class EnergyLimitReport(Report):
     def table(self) -> str:
         """The table as plain text."""
         rows: list[list[Cell]] = [
-            [item.kind, item.seed, f"{item.far_sigma:g}", *item.energies.cells(LIMITS)] for item in self.ratios
+            [item.kind, item.seed, f"{item.far_sigma:g}", *_free([item]), *item.energies.cells(LIMITS)]
+            for item in self.ratios
         ]
-        rows += [[kind, "all", f"{floor:g}", *self.of_all(kind, floor).cells(LIMITS)] for kind, floor in self.groups]
-        return text_table(["energy over free", "seed", "far_sigma", *limit_columns(LIMITS)], rows, 2)
+        for kind, floor in self.groups:
+            several = [item for item in self.ratios if (item.kind, item.far_sigma) == (kind, floor)]
+            rows.append([kind, "all", f"{floor:g}", *_free(several), *self.of_all(kind, floor).cells(LIMITS)])
+        head = ["energy over free", "seed", "far_sigma", "within, most", "across, least", *limit_columns(LIMITS)]
+        return text_table(head, rows, 2)
 
     def draw(self, path: Path) -> None:
         """Energies over the free path's of all paths, by set and floor."""
@@ -121,8 +138,18 @@ class EnergyLimit(Study):
                 skill = trained_once(f"reach_{kind}", shown, JointTrainingSettings.paper(seed=seed), out / "skills")
                 for floor in self.floors:
                     player = LiteralArm(PaperPlanner(with_floor(skill, floor), shape=(self.side,) * 3), families)
-                    found.append(Ratios(kind, seed, floor, energy_ratios(answered(player, stage, scenes))))
+                    answers = answered(player, stage, scenes)
+                    within = [energy_of(answer) for answer in answers if not len(answer.scene.radii)]
+                    across = [energy_of(stage.answer(player, scene)) for scene in to_other_families(stage)]
+                    ratios = energy_ratios(answers)
+                    found.append(Ratios(kind, seed, floor, ratios, np.array(within), np.array(across)))
         return EnergyLimitReport(tuple(found))
+
+
+def _free(several: Sequence[Ratios]) -> list[Cell]:
+    """The largest energy within, and the least across, of rows of one set."""
+    within, across = (np.concatenate([getattr(item, name) for item in several]) for name in ("within", "across"))
+    return [float(within.max()), f"{across.min():.3g}" if across.size else None]
 
 
 def with_floor(skill: Skill, far_sigma: float) -> Skill:

@@ -188,7 +188,7 @@ class GraspJointReport(Report):
                     "energies": None if report.energies is None else asdict(report.energies),
                     "scenes": [answer.as_dict() for answer in report.answers],
                     "blocked": [
-                        answer.as_dict() | {"spheres": name, "energy": _energy(answer)}
+                        answer.as_dict() | {"spheres": name, "energy": energy_of(answer)}
                         for name, answer in report.blocked
                     ],
                 }
@@ -239,13 +239,13 @@ class GraspJointReport(Report):
         head = ["literal planner", "set", "from family", "energy", "over free", "families passed", "clearance mm"]
         rows: list[list[Cell]] = []
         for report in self.skills:
-            free = {answer.scene.start: _energy(answer) for name, answer in report.blocked if name == "free"}
+            free = {answer.scene.start: energy_of(answer) for name, answer in report.blocked if name == "free"}
             for name, answer in report.blocked:
                 start = answer.scene.start
                 spheres = len(answer.scene.radii)
                 rows.append([
-                    name, report.kind, "any" if len(start) > 1 else str(start[0]), _energy(answer),
-                    _energy(answer) / free[start], " then ".join(map(str, answer.passed)),
+                    name, report.kind, "any" if len(start) > 1 else str(start[0]), energy_of(answer),
+                    energy_of(answer) / free[start], " then ".join(map(str, answer.passed)),
                     1e3 * answer.clearance if spheres else None,
                 ])  # fmt: skip
         return text_table(head, rows, 2, left=(0, 1))
@@ -287,7 +287,7 @@ class GraspJointReport(Report):
         write_figure(figure, path)
 
 
-def _energy(answer: SceneAnswer) -> float:
+def energy_of(answer: SceneAnswer) -> float:
     """Of the literal planner's path, as a curve of constant speed in its metric."""
     assert answer.played is not None
     return answer.played.cost**2
@@ -295,10 +295,10 @@ def _energy(answer: SceneAnswer) -> float:
 
 def energy_ratios(answers: Sequence[SceneAnswer]) -> CostLimit:
     """Energies of the literal planner's paths among spheres, over that of the free path from the same start."""
-    free = {answer.scene.start: _energy(answer) for answer in answers if not len(answer.scene.radii)}
+    free = {answer.scene.start: energy_of(answer) for answer in answers if not len(answer.scene.radii)}
     among = [answer for answer in answers if len(answer.scene.radii) and answer.played is not None]
     hits, clear = (
-        np.array([_energy(answer) / free[answer.scene.start] for answer in among if answer.kind == kind])
+        np.array([energy_of(answer) / free[answer.scene.start] for answer in among if answer.kind == kind])
         for kind in ("hits", "clear")
     )
     return CostLimit(hits, clear)
@@ -344,12 +344,15 @@ def among_blocking(player: LiteralArm, stage: Stage, planner: ReactivePlanner) -
         (name, stage.scene(*ends, np.array(spheres)))
         for name, spheres in blocking_spheres(planner, stage).items() for ends in stage.ends()
     ]  # fmt: skip
-    if not stage.connected:
-        queries += [
-            ("free, to another family's goal", stage.scene(start, tuple(set(goals) - {start}), np.empty((0, 3))))
-            for start, goals in stage.ends()
-        ]  # fmt: skip
+    queries += [("free, to another family's goal", scene) for scene in to_other_families(stage)]
     return tuple((name, stage.answer(player, scene)) for name, scene in queries)
+
+
+def to_other_families(stage: Stage) -> list[Scene]:
+    """From the start of each family to the goals of the others, without a sphere; none where families meet."""
+    if stage.connected:
+        return []
+    return [stage.scene(start, tuple(set(goals) - {start}), np.empty((0, 3))) for start, goals in stage.ends()]
 
 
 def family_energies(skill: Skill, shape: tuple[int, ...] | None = _BOX) -> Energies:

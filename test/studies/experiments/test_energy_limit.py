@@ -27,11 +27,15 @@ def test_a_lower_floor_is_felt_far_from_the_data_and_not_on_it() -> None:
 
 def test_sets_and_floors_are_taken_together_over_their_seeds(tmp_path) -> None:
     costs = [CostLimit(np.array([2.0 + seed]), np.array([1.0, 1.1])) for seed in range(2)]
-    report = EnergyLimitReport(tuple(Ratios("separated", seed, 1.0, costs[seed]) for seed in range(2)))
+    within, across = np.array([0.2, 0.3]), np.array([2.5, 4e6])
+    ratios = [Ratios("separated", seed, 1.0, costs[seed], within + seed, across + seed) for seed in range(2)]
+    report = EnergyLimitReport((*ratios, Ratios("meeting", 0, 1.0, costs[0], within, np.empty(0))))
     whole = report.of_all("separated", 1.0)
     assert (len(whole.hits), len(whole.clear), whole.area) == (2, 4, 1.0)
-    assert report.table().count("\n") == 1 + 2 + 1
+    assert report.table().count("\n") == 1 + 3 + 2
+    together = next(line for line in report.table().splitlines() if line.split()[:2] == ["separated", "all"])
+    assert together.split()[3:5] == ["1.30", "2.5"]
     content = json.loads(write_json(tmp_path / "figures.json", report.as_dict()).read_text())
-    assert [item["area"] for item in content["ratios"]] == [1.0, 1.0]
+    assert [item["area"] for item in content["ratios"]] == [1.0, 1.0, 1.0]
     report.draw(tmp_path / "energy_limit.png")
     assert (tmp_path / "energy_limit.png").read_bytes().startswith(b"\x89PNG")
