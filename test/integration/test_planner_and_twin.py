@@ -167,7 +167,8 @@ def test_a_machine_that_stands_still_for_a_moment_loses_no_goal(bench, options, 
     bench.wait_for_code("NO_GOAL")
     bench.wait(lambda: bench.status()["commands_received_by"], "a planner that knows of the twin")
     bench.send_goal(skill.goal_pose)
-    bench.wait(lambda: float(bench.status()["speed"]) > 0.4, "an arm in fast motion")
+    # It is for three seconds: a busy machine sees it, and in 0.3 s it is farther on than the tolerance.
+    bench.wait(lambda: float(bench.status()["speed"]) > 0.2, "an arm in fast motion")
     for process in processes:
         process.send_signal(signal.SIGSTOP)
     stopped = time.monotonic()
