@@ -50,7 +50,7 @@ def still_approaching(query: ArmQuery, verdict: Verdict, situation: Situation) -
     followed = situation.followed
     if followed is None or followed.purpose is not Purpose.APPROACH or followed.query is not query or situation.at_rest:
         return None
-    clearance = situation.clearance_left(stand_after_horizon=True)
+    clearance = situation.clearance_left()
     if clearance is None:
         return None
     verdict = replace(verdict, clearance=clearance)

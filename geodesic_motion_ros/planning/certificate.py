@@ -12,6 +12,7 @@ is for `swept_spheres.py`.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numba
@@ -22,6 +23,7 @@ from geodesic_motion_ros.geometry.quintic import quintic_bounds
 from geodesic_motion_ros.obstacles.obstacles import Obstacles, nearness
 from geodesic_motion_ros.obstacles.swept_spheres import clearances_in_motion, clearances_until, self_clearances
 from geodesic_motion_ros.planning.declared_scene import DeclaredScene
+from geodesic_motion_ros.planning.requirement import Requirement
 from geodesic_motion_ros.planning.seen_volume import SeenVolume, first_unseen
 from geodesic_motion_ros.robot.body_points import end_effector_poses, lever_bounds, place_body_points
 from geodesic_motion_ros.robot.collision_model import CollisionModel
@@ -240,6 +242,16 @@ class ArmCertifier:
             swept.times, clearance, sphere, swept.self_clearance, swept.pair, swept.scene_clearance,
             self._entered(swept),
         )  # fmt: skip
+
+    def assess(
+        self, swept: SweptArm, obstacles: Obstacles, requirement: Requirement, present: float = math.inf
+    ) -> tuple[Certificate, str | None]:
+        """The certificate of where a reference takes the arm, and why it does not meet a requirement (`objection`).
+
+        present : the clearance that there is already [m].
+        """
+        certificate = self.certify_swept(swept, obstacles, requirement.horizon, requirement.stands_after)
+        return certificate, self.objection(certificate, requirement.margin(obstacles, present))
 
     def _entered(self, swept: SweptArm) -> str:
         """The link and the part of the scene that meet first; "" where none do."""

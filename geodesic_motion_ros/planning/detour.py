@@ -169,13 +169,14 @@ class DetourPlanner:
         the lattice itself is smoothed.
         """
         solver = self._solver
-        swept = obstacles.swept(solver.settings.prediction).beside(solver.scene.solids)
+        required = solver.requirements.detour
+        swept = obstacles.swept(required.horizon).beside(solver.scene.solids)
         ends = min(
             obstacle_clearance(solver.collision, solver.robot, end, swept)[0] for end in (query.start, query.goal)
         )
         if ends <= 0.0:
             return COVERED_END
-        margin = min(solver.settings.obstacle_margin, 0.5 * ends)
+        margin = required.searched.of(ends)
         arm = ArmInScene.of(solver.robot, solver.collision, swept, solver.seen_beside(frame.configurations))
         path = cheapest_detour(frame, arm, reach, margin)
         if isinstance(path, str):

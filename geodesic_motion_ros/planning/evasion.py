@@ -13,6 +13,7 @@ from geodesic_motion_ros.planning import settings as constants
 from geodesic_motion_ros.planning.mode import Purpose
 from geodesic_motion_ros.planning.plan import ArmQuery, Plan
 from geodesic_motion_ros.planning.played import TIME_ROUNDING, Followed, Step
+from geodesic_motion_ros.planning.requirement import Requirement
 from geodesic_motion_ros.planning.situation import Situation
 from geodesic_motion_ros.planning.solver import Solver
 from geodesic_motion_ros.planning.status import Verdict, VerdictCode
@@ -45,11 +46,11 @@ def evaded(
     verdict : why there is no path for the query; the plan's verdict states the same, and that the arm evades.
     last_failed : the last search that found no evasion path before this tick.
     """
-    free, horizon = _assessed(verdict, situation, last_failed)
-    while horizon is not None:
+    free, required = _assessed(verdict, situation, last_failed)
+    while required is not None:
         state, obstacles, deadline = situation.state, situation.expected, situation.deadline
-        if horizon < situation.settings.prediction:
-            plan = solver.evade_displaced(query, state, obstacles, horizon, situation.reach, deadline)
+        if required == situation.requirements.beside_graph:
+            plan = solver.evade_displaced(query, state, obstacles, situation.reach, deadline)
         else:
             plan = solver.evade(query, state, obstacles, situation.stop.reference, deadline)
         if plan is not None:
@@ -57,8 +58,8 @@ def evaded(
         if deadline.passed:
             # A path that was not found for want of time is searched again in the next tick.
             return None, last_failed
-        last_failed = FailedEvasion(situation.now, horizon)
-        free, horizon = _assessed(verdict, situation, last_failed)
+        last_failed = FailedEvasion(situation.now, required.horizon)
+        free, required = _assessed(verdict, situation, last_failed)
     evading = situation.followed is not None and situation.followed.purpose is Purpose.EVASION
     return situation.answered(verdict) if free and evading else None, last_failed
 
@@ -73,28 +74,26 @@ def is_searched(verdict: Verdict, situation: Situation, last_failed: FailedEvasi
     return _assessed(verdict, situation, last_failed)[1] is not None
 
 
-def _assessed(verdict: Verdict, situation: Situation, last_failed: FailedEvasion) -> tuple[bool, float | None]:
-    """Whether an arm without a path needs no evasion, and the horizon [s] for which one is searched now.
+def _assessed(verdict: Verdict, situation: Situation, last_failed: FailedEvasion) -> tuple[bool, Requirement | None]:
+    """Whether an arm without a path needs no evasion, and the requirement of one that is searched now.
 
     | answer | meaning |
     |---|---|
     | True, None | no obstacle meets the arm where it stops or stands |
-    | False, the prediction | search a place on the graph |
-    | False, a shorter horizon | that has just failed: search a place beside the graph, if the arm may leave it |
+    | False, `evasion` | search a place on the graph |
+    | False, `beside_graph` | that has just failed: search a place beside the graph, if the arm may leave it |
     | False, None | both have just failed, or evasion is no answer to this verdict: search nothing now |
     """
     settings = situation.settings
     blocked = verdict.code is VerdictCode.NO_FEASIBLE_PATH
     if not (blocked and settings.avoidance) or situation.obstacles.is_static:
         return False, None
-    horizons = [settings.prediction]
-    if situation.reach > 0.0:
-        horizons.append(min(constants.EVASION_DISPLACED_WITHIN, 0.5 * settings.prediction))
-    for horizon in horizons:
-        if situation.is_free_without_evasion(horizon):
+    requirements = situation.requirements
+    for required in (requirements.evasion, *((requirements.beside_graph,) if situation.reach > 0.0 else ())):
+        if situation.meets_without_evasion(required):
             return True, None
-        if last_failed.is_due_again(situation.now, horizon):
-            return False, horizon
+        if last_failed.is_due_again(situation.now, required.horizon):
+            return False, required
     return False, None
 
 
@@ -114,5 +113,5 @@ def still_evading(situation: Situation) -> Step | None:
     followed = situation.followed
     if followed is None or followed.purpose is not Purpose.EVASION or situation.obstacles.is_static:
         return None
-    clearance = situation.clearance_left(stand_after_horizon=False)
+    clearance = situation.clearance_left()
     return None if clearance is None else situation.answered(replace(followed.verdict, clearance=clearance))

@@ -415,8 +415,9 @@ class ReactivePlanner:
 
     def _judged(self, reference: JointReference, begin: float) -> JudgedTrajectory:
         """A motion that the arm makes anyway, from a time [s] on, with its certificate, whatever that states."""
-        certifier, prediction = self._arm.solver.certifier, self.settings.prediction
-        certificate = certifier.certify(reference, self._inputs.enlarged.at(begin, prediction), prediction)
+        certifier, required = self._arm.solver.certifier, self._arm.solver.requirements.stop
+        obstacles = self._inputs.enlarged.at(begin, self.settings.prediction)
+        certificate, _ = certifier.assess(certifier.swept(reference), obstacles, required)
         return certifier.judged(reference, certificate)
 
     def _refused(self, now: float, *deadlines: Deadline) -> Plan | None:

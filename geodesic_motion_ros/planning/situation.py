@@ -20,6 +20,7 @@ from geodesic_motion_ros.planning.certificate import ArmCertifier, Certificate, 
 from geodesic_motion_ros.planning.mode import Mode, Purpose
 from geodesic_motion_ros.planning.plan import ArmQuery, MotionState, Plan
 from geodesic_motion_ros.planning.played import Followed, PlayedTrajectory, Step
+from geodesic_motion_ros.planning.requirement import Requirement, Requirements
 from geodesic_motion_ros.planning.settings import PlannerSettings
 from geodesic_motion_ros.planning.status import Verdict, VerdictCode
 from geodesic_motion_ros.robot.limits import JointLimits
@@ -78,6 +79,11 @@ class Situation:
         return self.now >= self.played.end
 
     @cached_property
+    def requirements(self) -> Requirements:
+        """What motions must satisfy."""
+        return Requirements.of(self.settings)
+
+    @cached_property
     def state(self) -> MotionState:
         """The state of motion in which another trajectory takes over."""
         return self.played.state_at_switch(self.now + self.settings.latency, self.followed)
@@ -120,13 +126,13 @@ class Situation:
     def _clearance_while_stopping(self, swept: SweptArm) -> float:
         """Least clearance [m] of a stop until the one along the path would be over."""
         over = self.stop.reference.duration
-        return float(np.min(self.certifier.certify_swept(swept.lasting(over), self.expected, over).clearance))
+        certificate, _ = self.certifier.assess(swept.lasting(over), self.expected, self.requirements.stop.until(over))
+        return float(np.min(certificate.clearance))
 
     def _certified_stop(self, reference: JointReference) -> Stop:
-        swept, prediction = self.certifier.swept(reference), self.settings.prediction
-        return Stop(
-            reference, swept, self.certifier.certify_swept(swept.lasting(prediction), self.expected, prediction)
-        )
+        swept, required = self.certifier.swept(reference), self.requirements.stop
+        certificate, _ = self.certifier.assess(swept.lasting(required.horizon), self.expected, required)
+        return Stop(reference, swept, certificate)
 
     @property
     def _played_limits(self) -> JointLimits:
@@ -147,21 +153,20 @@ class Situation:
 
     # ------------------------------------------------------------- assessments
 
-    def is_free_without_evasion(self, horizon: float) -> bool:
-        """Whether no obstacle that moves on for a horizon [s] meets an arm that does not evade: one that stops on a
-        path to the goal or to near it, or else plays what it plays.
+    def meets_without_evasion(self, required: Requirement) -> bool:
+        """Whether an arm that does not evade meets the requirement of an evasion: one that stops on a path to the goal
+        or to near it, or else plays what it plays.
         """
         # A tick asks this when it chooses its attempts, and again where it evades.
-        if horizon not in self._free_without_evasion:
+        if required not in self._met_without_evasion:
             followed = self.followed
             on_path = followed is not None and followed.purpose in (Purpose.GOAL, Purpose.APPROACH)
             left = self.stop.swept if on_path and not self.at_rest else self.left
-            certificate = self.certifier.certify_swept(left, self.expected, horizon, stand_after_horizon=False)
-            self._free_without_evasion[horizon] = self.certifier.objection(certificate) is None
-        return self._free_without_evasion[horizon]
+            self._met_without_evasion[required] = self.certifier.assess(left, self.expected, required)[1] is None
+        return self._met_without_evasion[required]
 
     @cached_property
-    def _free_without_evasion(self) -> dict[float, bool]:
+    def _met_without_evasion(self) -> dict[Requirement, bool]:
         return {}
 
     def following(self, query: ArmQuery | None) -> Followed | None:
@@ -178,21 +183,28 @@ class Situation:
         followed = self.following(query)
         if followed is None:
             return None
-        clearance = self.clearance_left(stand_after_horizon=not followed.optimistic)
+        clearance = self.clearance_left()
         return None if clearance is None else replace(followed, verdict=replace(followed.verdict, clearance=clearance))
 
-    def clearance_left(self, stand_after_horizon: bool) -> float | None:
-        """Least clearance [m] of the rest of the trajectory that is being played; None where it meets an obstacle, or
-        leaves no stop (`leaves_a_stop`). No margin is required of it.
-
-        stand_after_horizon : as of `ArmCertifier.certify`, with the prediction as the horizon.
+    def clearance_left(self) -> float | None:
+        """Least clearance [m] of the rest of the trajectory that is being played; None where it does not meet what is
+        required to go on, or leaves no stop (`leaves_a_stop`).
         """
-        certificate = self.certifier.certify_swept(
-            self.left, self.expected, self.settings.prediction, stand_after_horizon
-        )
-        if self.settings.avoidance and self.certifier.objection(certificate) is not None:
+        certificate, objection = self.certifier.assess(self.left, self.expected, self._required_to_go_on)
+        if self.settings.avoidance and objection is not None:
             return None
         return float(np.min(certificate.clearance)) if self.leaves_a_stop(self.played) else None
+
+    @property
+    def _required_to_go_on(self) -> Requirement:
+        """What is required of what is being followed, and of it slowed down."""
+        followed, requirements = self.followed, self.requirements
+        assert followed is not None
+        if followed.purpose is Purpose.GOAL:
+            required = requirements.optimistic if followed.optimistic else requirements.goal
+        else:
+            required = requirements.evasion if followed.purpose is Purpose.EVASION else requirements.approach
+        return required.going_on
 
     def require_a_stop(self, plan: Plan) -> Plan:
         """A plan, or its refusal where it does not leave a stop (`leaves_a_stop`)."""
@@ -220,7 +232,7 @@ class Situation:
         """
         if self.expected.is_static or not self.settings.avoidance:
             return True
-        margin = constants.DYNAMIC_MARGIN_FACTOR * self.settings.obstacle_margin
+        margin = self.requirements.later_stop.of()
         begin = self.state.time + constants.REPLAN_DELAY
         stopping = self._stopping(candidate, begin, limits or self._played_limits)
         later = self.certifier.swept_spheres(stopping)
@@ -292,12 +304,14 @@ class Situation:
         followed = self.followed
         if followed is None or followed.purpose is Purpose.STOP or followed.slowed is self.limits:
             return None
-        since, prediction = self.state.time - self.played.begin, self.settings.prediction
+        since = self.state.time - self.played.begin
         slower = slowed_reference(self.played.reference, since, self.limits, self._played_limits, self.tool)
         if slower is None:
             return None
-        certificate = self.certifier.certify(slower, self.expected, prediction, not followed.optimistic)
-        if self.settings.avoidance and self.certifier.objection(certificate) is not None:
+        certificate, objection = self.certifier.assess(
+            self.certifier.swept(slower), self.expected, self._required_to_go_on
+        )
+        if self.settings.avoidance and objection is not None:
             return None
         verdict = replace(followed.verdict, clearance=float(np.min(certificate.clearance)))
         plan = Plan(self.certifier.judged(slower, certificate), self.state.time, verdict)

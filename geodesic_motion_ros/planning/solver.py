@@ -26,6 +26,7 @@ from geodesic_motion_ros.planning.evasion_targets import displaced_paths, paths_
 from geodesic_motion_ros.planning.path_timer import PathTimer, TimedPath, meeting
 from geodesic_motion_ros.planning.plan import Approach, ArmQuery, MotionState, PathEnds, Plan
 from geodesic_motion_ros.planning.pose_query import Pose
+from geodesic_motion_ros.planning.requirement import Requirement, Requirements
 from geodesic_motion_ros.planning.search import (
     NO_NODE_REMOVED,
     BegunSearch,
@@ -48,8 +49,6 @@ from geodesic_motion_ros.utils.deadline import NEVER, Deadline
 
 #: The largest distance that an attempt keeps from obstacles, as a multiple of the margin.
 _LARGEST_MULTIPLE = max(attempt.multiple for attempt in constants.ATTEMPTS)
-#: Clearances are the same up to this share, apart from rounding.
-_SAME_CLEARANCE = 0.99
 
 
 class Solver:
@@ -83,6 +82,7 @@ class Solver:
         self.collision, self.limits = collision, limits
         of_tool_poses = isinstance(graph, PoseGraph)
         self.tool = LimitedTool(robot, settings.tool_limits(of_tool_poses))
+        self.requirements = Requirements.of(settings)
         self.attempts = constants.ATTEMPTS
         self.certifier = ArmCertifier(robot, collision, self.scene)
         self._timer = PathTimer(graph, settings, limits, self.tool, self.certifier)
@@ -139,12 +139,16 @@ class Solver:
         longest: float,
     ) -> Plan:
         """`solve` with attempts that are all optimistic, or all cautious."""
-        search = self._search(query, state, obstacles, attempts[0].optimistic, deadline)
-        if isinstance(search, Verdict):
-            return Plan(None, state.time, search)
-        margin = 0.0 if obstacles.is_static else search.margin(constants.DYNAMIC_MARGIN_FACTOR)
+        optimistic = attempts[0].optimistic
+        requirement = self.requirements.optimistic if optimistic else self.requirements.goal
+        avoided = obstacles if self.settings.avoidance else Obstacles.none()
+        ends = self._end_clearance(query, state, avoided, optimistic)
+        if isinstance(ends, Verdict):
+            return Plan(None, state.time, ends)
         if self._stands_at_goal(query, state):
-            return self._staying(query, state, obstacles, margin, attempts[0].optimistic)
+            return self._staying(query, state, obstacles, requirement, ends)
+        swept = avoided.static_subset if optimistic else avoided.swept(requirement.horizon)
+        search = self._search_among(query, state, swept, ends, deadline)
         verdict = Verdict(VerdictCode.NO_FEASIBLE_PATH)
         tried: set[bytes] = set()
         first: LatentPath | None = None
@@ -164,7 +168,8 @@ class Solver:
                 continue
             tried.add(nodes)
             curve = search.refined(path, attempt.multiple)
-            plan = self._certified(query, state, curve, obstacles, margin, attempt.optimistic, longest=longest)
+            timed = self._timer.timed(query, state, curve, True, longest)
+            plan = self._judged(query, state, curve, timed, obstacles, requirement, ends, longest)
             first = path if attempt == self.attempts[0] else first
             if plan.trajectory is not None:
                 return replace(plan, path=path) if attempt == self.attempts[0] else plan
@@ -181,38 +186,25 @@ class Solver:
         return here.is_within(goal, constants.SAME_GOAL)
 
     def _staying(
-        self, query: ArmQuery, state: MotionState, obstacles: Obstacles, margin: float, optimistic: bool
+        self, query: ArmQuery, state: MotionState, obstacles: Obstacles, requirement: Requirement, ends: float
     ) -> Plan:
         """The plan of an arm that stands at its goal: a path around to the same place would be a needless motion."""
         latent = np.repeat(_latent_start(query, state)[None], 2, axis=0)
         timed = self._timer.timed_curve(state, np.repeat(state.position[None], 2, axis=0), latent, 0.0)
         path = LatentPath(np.empty(0, dtype=np.int64), latent, energy=0.0, gap=0.0)
-        plan = self._judged(query, state, path, timed, obstacles, margin, optimistic)
+        plan = self._judged(query, state, path, timed, obstacles, requirement, ends)
         return replace(plan, verdict=replace(plan.verdict, reason="at the goal")) if plan.verdict.ok else plan
-
-    def _search(
-        self, query: ArmQuery, state: MotionState, obstacles: Obstacles, optimistic: bool, deadline: Deadline
-    ) -> MarginSearch | Verdict:
-        """The searches among obstacles, or the refusal where one of them covers an end."""
-        avoided = obstacles if self.settings.avoidance else Obstacles.none()
-        ends = self._end_clearance(query, state, avoided, optimistic)
-        if isinstance(ends, Verdict):
-            return ends
-        swept = avoided.static_subset if optimistic else avoided.swept(self.settings.prediction)
-        return self._search_among(query, state, swept, ends, deadline)
 
     def _search_among(
         self, query: ArmQuery, state: MotionState, standing: Obstacles, ends: float, deadline: Deadline
     ) -> MarginSearch:
-        """The searches among obstacles that stand; ends : clearance [m] of the end of the path that is nearer to one.
-
-        The path keeps no more than half of that: an end that is nearer to an obstacle than the margin may stay so.
-        """
+        """The searches among obstacles that stand; ends : clearance [m] of the end that is nearer to one."""
         # Taken away: no two threads go on with it.
         unfinished, self._unfinished = self._unfinished, None
         goes_on = unfinished is not None and unfinished.is_of(query.body, standing)
         begun = unfinished if goes_on else BegunSearch(self._evaluation(query, standing), standing)
-        return MarginSearch(self.graph, query, _latent_start(query, state), begun, deadline, self.settings, 0.5 * ends)
+        start, largest = _latent_start(query, state), self.requirements.goal.searched.share * ends
+        return MarginSearch(self.graph, query, start, begun, deadline, self.settings, largest)
 
     def along(
         self,
@@ -232,9 +224,7 @@ class Solver:
         timed = self._timer.timed_curve(state, curve, latent, correction)
         if timed.reference is None:
             return Plan(None, state.time, Verdict(VerdictCode.NO_FEASIBLE_PATH, timed.objection, **query.misfits))
-        certificate = self.certifier.certify_swept(timed.swept, obstacles, self.settings.prediction)
-        standing = constants.DYNAMIC_MARGIN_FACTOR * self.settings.obstacle_margin
-        objection = self.certifier.objection(certificate, 0.0 if obstacles.is_static else standing)
+        certificate, objection = self.certifier.assess(timed.swept, obstacles, self.requirements.detour)
         objection = objection or self.certifier.unseen(timed.swept, seen)
         verdict = Verdict(
             VerdictCode.NO_FEASIBLE_PATH if objection else VerdictCode.OK, f"on the detour {objection}" if objection
@@ -258,18 +248,18 @@ class Solver:
 
         stop : the soonest stop from the state.
         """
-        prediction = self.settings.prediction
-        evaluation = self._evaluation(query, obstacles.swept(prediction))
-        apart = constants.DYNAMIC_MARGIN_FACTOR * self.settings.obstacle_margin
+        requirement = self.requirements.evasion
+        evaluation = self._evaluation(query, obstacles.swept(requirement.horizon))
+        apart = requirement.searched.of()
         for begin, first in self._evasion_begins(state, obstacles, stop):
             start = _latent_start(query, begin)
             for path in paths_to_targets(self.graph, query, start, evaluation, constants.EVASION_STEPS, apart):
                 timed = self._timer.timed(query, begin, path, False, math.inf)
                 if timed.reference is not None:
                     whole = timed.reference if first is None else joined(first, 0.0, timed.reference, first.duration)
-                    # To pass an obstacle narrowly is better than to be met by it: no margin is required.
-                    certificate = self.certifier.certify(whole, obstacles, prediction, stand_after_horizon=False)
-                    objection = self.certifier.objection(certificate)
+                    certificate, objection = self.certifier.assess(
+                        self.certifier.swept(whole), obstacles, requirement
+                    )
                     verdict = self._path_verdict(query, path, timed, certificate, objection)
                     if verdict.ok:
                         return Plan(self.certifier.judged(whole, certificate), state.time, verdict)
@@ -285,21 +275,20 @@ class Solver:
         """
         if not np.any(state.velocity):
             return [(state, None)]
-        stopping = self.certifier.certify(stop, obstacles, stop.duration, stand_after_horizon=False)
-        met = self.certifier.objection(stopping) is not None
-        return [(state, None)] if met else [(state.after(stop), stop), (state, None)]
+        while_stopping = self.requirements.evasion.until(stop.duration)
+        _, met = self.certifier.assess(self.certifier.swept(stop), obstacles, while_stopping)
+        return [(state, None)] if met is not None else [(state.after(stop), stop), (state, None)]
 
     def evade_displaced(
         self,
         query: ArmQuery,
         state: MotionState,
         obstacles: Obstacles,
-        horizon: float,
         reach: float,
         deadline: Deadline = NEVER,
     ) -> Plan | None:
-        """A certified motion to a place beside the graph, to which no obstacle comes within a horizon [s]; None where
-        none is found in time.
+        """A certified motion to a place beside the graph, to which no obstacle comes soon; None where none is found in
+        time.
 
         reach : how far the tool may be from what was demonstrated [m].
         """
@@ -311,8 +300,9 @@ class Solver:
         left = reach - query.displaced_at(progress)
         undisplaced, _ = self.robot.forward(configurations[0])
         seen = self.seen_beside(state.position[None])
-        arm = ArmInScene.of(self.robot, self.collision, obstacles.swept(horizon).beside(self.scene.solids), seen)
-        apart = constants.DYNAMIC_MARGIN_FACTOR * self.settings.obstacle_margin
+        requirement = self.requirements.beside_graph
+        swept = obstacles.swept(requirement.horizon).beside(self.scene.solids)
+        arm, apart = ArmInScene.of(self.robot, self.collision, swept, seen), requirement.searched.of()
         targets = displaced_paths(self.robot, arm, state.position, undisplaced, left, apart)
         for curve in islice(targets, constants.EVASION_DISPLACED):
             if deadline.passed:
@@ -320,8 +310,8 @@ class Solver:
             timed = self._timer.timed_curve(state, curve, np.repeat(latent, len(curve), axis=0), 0.0)
             if timed.reference is None:
                 continue
-            certificate = self.certifier.certify_swept(timed.swept, obstacles, horizon, stand_after_horizon=False)
-            if self.certifier.objection(certificate) is None and self.certifier.unseen(timed.swept, seen) is None:
+            certificate, objection = self.certifier.assess(timed.swept, obstacles, requirement)
+            if objection is None and self.certifier.unseen(timed.swept, seen) is None:
                 verdict = Verdict(VerdictCode.OK, clearance=float(np.min(certificate.clearance)))
                 return Plan(self.certifier.judged(timed.reference, certificate), state.time, verdict)
         return None
@@ -349,19 +339,15 @@ class Solver:
         """
         if self._clearance(query.goal, obstacles.static_subset.beside(self.scene.solids)) > 0.0:
             return None
-        horizon = self.settings.prediction
-        swept = obstacles.swept(horizon).beside(self.scene.solids)
+        requirement = self.requirements.approach
+        swept = obstacles.swept(requirement.horizon).beside(self.scene.solids)
         here = min(self._clearance(state.position, there) for there in (obstacles, swept))
         path = self._path_to_covered(query, state, obstacles, here, deadline) if here > 0.0 else None
         if path is None:
             return None
         curve, latent, correction = path
-        # An arm that stands nearer to an obstacle than this margin may stay so, but not come nearer.
-        kept = min(constants.APPROACH_MARGIN_FACTOR * self.settings.obstacle_margin, _SAME_CLEARANCE * here)
-        from_moving = kept * constants.DYNAMIC_MARGIN_FACTOR / constants.APPROACH_MARGIN_FACTOR
-        margin = 0.0 if obstacles.is_static else from_moving
         placed = self.collision.positions(self.robot, curve)
-        free = self.certifier.between(placed, swept) >= kept
+        free = self.certifier.between(placed, swept) >= requirement.searched.of(here)
         end, left = int(np.argmin(np.append(free, False))), _lengths_left(placed)
         for _ in range(1 + constants.APPROACH_CUTS):
             if end < 1 or left[end] > min(remaining, left[0]) - constants.APPROACH_GAIN:
@@ -369,14 +355,15 @@ class Solver:
             timed = self._timer.timed_curve(state, curve[: end + 1], latent[: end + 1], correction)
             if timed.reference is None:
                 return None
-            certificate = self.certifier.certify_swept(timed.swept, obstacles, horizon)
-            met = self.certifier.first_objection(certificate, margin)
-            if met is None:
+            certificate, objection = self.certifier.assess(timed.swept, obstacles, requirement, here)
+            if objection is None:
                 plan = Plan(self.certifier.judged(timed.reference, certificate), state.time, refusal)
                 to_goal = self._tool_distance(curve[end], query.goal)
                 reason = f"{refusal.reason}; it goes as near as it can, to {1000 * to_goal:.0f} mm"
                 verdict = replace(refusal, reason=reason, clearance=float(np.min(certificate.clearance)))
                 return Approach(replace(plan, verdict=verdict), float(left[end]))
+            met = self.certifier.first_objection(certificate, requirement.margin(obstacles, here))
+            assert met is not None
             posture, _, _ = timed.reference.sample(met)
             end = int(np.argmin(np.linalg.norm(curve[: end + 1] - posture, axis=1))) - 1
         return None
@@ -466,23 +453,6 @@ class Solver:
         link = self.collision.link_of(int(moving[sphere]))
         return f"'{link}' is {-1000 * clearance:.0f} mm inside '{part}' of the scene" if not clearance > 0.0 else ""
 
-    def _certified(
-        self,
-        query: ArmQuery,
-        state: MotionState,
-        path: LatentPath,
-        obstacles: Obstacles,
-        margin: float,
-        optimistic: bool,
-        longest: float = math.inf,
-    ) -> Plan:
-        """Time a path (`PathTimer.timed`), and certify the very motion that will be played.
-
-        longest : as of `solve`.
-        """
-        timed = self._timer.timed(query, state, path, True, longest)
-        return self._judged(query, state, path, timed, obstacles, margin, optimistic, longest)
-
     def _judged(
         self,
         query: ArmQuery,
@@ -490,21 +460,22 @@ class Solver:
         path: LatentPath,
         timed: TimedPath,
         obstacles: Obstacles,
-        margin: float,
-        optimistic: bool,
+        requirement: Requirement,
+        ends: float,
         longest: float = math.inf,
     ) -> Plan:
-        """`_certified` of a path that is timed."""
+        """The plan of a path that is timed: the very motion that will be played is certified.
+
+        ends : clearance [m] of the end of the path that is nearer to an obstacle. longest : as of `solve`.
+        """
         reference = timed.reference
         if reference is None:
             return Plan(None, state.time, Verdict(VerdictCode.NO_FEASIBLE_PATH, timed.objection, **query.misfits))
         if reference.duration >= longest:
             reason = f"the best path takes {reference.duration:.2f} s; only less than {longest:.2f} s would be a gain"
             return Plan(None, state.time, Verdict(VerdictCode.NO_FEASIBLE_PATH, reason, **query.misfits))
-        prediction = self.settings.prediction
-        certificate = self.certifier.certify_swept(timed.swept, obstacles, prediction, not optimistic)
-        objection = self.certifier.objection(certificate, margin) if self.settings.avoidance else None
-        objection = None if objection is None else f"on the best path {objection}"
+        certificate, objection = self.certifier.assess(timed.swept, obstacles, requirement, ends)
+        objection = f"on the best path {objection}" if objection is not None and self.settings.avoidance else None
         verdict = self._path_verdict(query, path, timed, certificate, objection)
         found = self.certifier.judged(reference, certificate) if verdict.ok else None
         return Plan(found, state.time, verdict)
@@ -525,7 +496,7 @@ class Solver:
         """The geodesic of the metric that obstacles reshape, whether it is free of them or not: latent points (m, d)
         and configurations (m, eta); or why there is none, or why the arm cannot hold it.
         """
-        reshaped = self._evaluation(query, obstacles.swept(self.settings.prediction))
+        reshaped = self._evaluation(query, obstacles.swept(self.requirements.detour.horizon))
         path = cheapest_path(self.graph, query, query.start_latent, reshaped, NO_NODE_REMOVED)
         if isinstance(path, Verdict):
             return path.reason

@@ -48,6 +48,6 @@ def load_kernels(trial: ReactivePlanner, arm: GuardedArm) -> None:
     if query is not None and commanded is not None and trial.may_detour:
         arm.detours.find(query, trial.obstacles, 0.1)
         state = MotionState(0.3, *commanded, query.start_latent)
-        solver.evade_displaced(query, state, trial.obstacles, 0.1, 0.1)
+        solver.evade_displaced(query, state, trial.obstacles, 0.1)
     load_references(trial.limits, solver.tool)
     trial.stop(0.4, Verdict(VerdictCode.NO_GOAL))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -13,6 +13,7 @@ from geodesic_motion_ros.planning.certificate import ArmCertifier
 from geodesic_motion_ros.planning.evasion import FailedEvasion, evaded, is_searched, still_evading
 from geodesic_motion_ros.planning.mode import Mode, Purpose
 from geodesic_motion_ros.planning.plan import MotionState, Plan
+from geodesic_motion_ros.planning.requirement import Requirements
 from geodesic_motion_ros.planning.settings import EVASION_DISPLACED_WITHIN, SEARCH_PERIOD, PlannerSettings
 from geodesic_motion_ros.planning.situation import Situation
 from geodesic_motion_ros.planning.status import Verdict, VerdictCode
@@ -33,14 +34,14 @@ NO_PATH = Verdict(VerdictCode.NO_FEASIBLE_PATH, "no path")
 
 @dataclass
 class OneEvasionPath:
-    """In the place of a Solver: a turn to the side, on the graph or beside it, where there is one, how often it is
-    asked for, and beside the graph for how long [s].
+    """In the place of a Solver: a turn to the side, on the graph or beside it, where there is one, and how often it is
+    asked for.
     """
 
     found: bool = True
     found_beside: bool = False
     asked: int = 0
-    asked_beside: list[float] = field(default_factory=list)
+    asked_beside: int = 0
 
     def evade(
         self, query: object, state: MotionState, obstacles: Obstacles, stop: JointReference, deadline: Deadline
@@ -49,10 +50,11 @@ class OneEvasionPath:
         return self._turn(state, obstacles, SETTINGS.prediction) if self.found else None
 
     def evade_displaced(
-        self, query: object, state: MotionState, obstacles: Obstacles, horizon: float, reach: float, deadline: Deadline
+        self, query: object, state: MotionState, obstacles: Obstacles, reach: float, deadline: Deadline
     ) -> Plan | None:
-        self.asked_beside.append(horizon)
-        return self._turn(state, obstacles, horizon) if self.found_beside else None
+        self.asked_beside += 1
+        soon = Requirements.of(SETTINGS).beside_graph.horizon
+        return self._turn(state, obstacles, soon) if self.found_beside else None
 
     def _turn(self, state: MotionState, obstacles: Obstacles, horizon: float) -> Plan:
         share = np.linspace(0.0, 1.0, 30)[:, None]
@@ -154,7 +156,7 @@ def test_beside_the_graph_an_arm_evades_what_is_near_where_it_may_and_must() -> 
         arm = Arm()
         arm.reach, arm.solver.found, arm.solver.found_beside = reach, found, True
         plan = arm.plan(0.0, coming(after))
-        assert arm.solver.asked_beside == ([soon] if beside else [])
+        assert arm.solver.asked_beside == beside
         assert (plan is not None) is (beside or found)
 
 
@@ -169,7 +171,7 @@ def test_an_arm_goes_on_evading_beside_the_graph_while_nothing_comes_near() -> N
         meeting = Obstacles.of_spheres(hand - (0.1 + after) * velocity, np.array([0.03]), velocity, 0.1)
         arm.last_failed = FailedEvasion()
         plan = arm.plan(0.1, meeting)
-        assert len(arm.solver.asked_beside) == asked
+        assert arm.solver.asked_beside == asked
         assert (plan.trajectory is None) is (asked == 1)
 
 
@@ -179,9 +181,9 @@ def test_where_what_comes_late_cannot_be_evaded_what_comes_soon_is_evaded_at_onc
     arm.reach, arm.solver.found = 0.25, False
     for now in (0.0, 0.01, 0.02):
         assert arm.plan(now, coming(1.0, now)) is None
-    assert (arm.solver.asked, arm.solver.asked_beside) == (1, [])
+    assert (arm.solver.asked, arm.solver.asked_beside) == (1, 0)
     arm.plan(0.03, coming(0.3, 0.03))
-    assert (arm.solver.asked, arm.solver.asked_beside) == (1, [EVASION_DISPLACED_WITHIN])
+    assert (arm.solver.asked, arm.solver.asked_beside) == (1, 1)
 
 
 def test_no_evasion_path_is_searched_where_no_time_is_left_or_nothing_comes() -> None:

@@ -1,0 +1,112 @@
+"""Requirement: what a motion must satisfy before it is played, and to go on being played. This is the safety contract.
+
+Clearances are those from obstacles that are enlarged by all that may be wrong with their positions (`Inputs.enlarged`).
+Besides, no motion but a stop may touch the arm itself or enter the declared scene.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+
+from geodesic_motion_ros.obstacles.obstacles import Obstacles
+from geodesic_motion_ros.planning import settings as constants
+from geodesic_motion_ros.planning.settings import PlannerSettings
+
+
+@dataclass(frozen=True)
+class Margin:
+    """A clearance that is kept [m], or a share of the clearance that there is already, where that is less.
+
+    So an arm that is nearer to an obstacle than a margin may stay there, and may leave.
+    """
+
+    clearance: float
+    share: float = math.inf
+
+    def of(self, present: float = math.inf) -> float:
+        """The margin [m] where the clearance is `present` [m] already."""
+        return self.clearance if math.isinf(self.share) else min(self.clearance, self.share * present)
+
+
+NO_CONTACT = Margin(0.0)
+
+
+@dataclass(frozen=True)
+class Requirement:
+    """What is required of one kind of motion.
+
+    Attributes
+    ----------
+    searched : what the search keeps from obstacles, where it can. Nothing depends on it that is certified.
+    certified : what the certificate requires where an obstacle moves; where all stand no contact is enough.
+    horizon : obstacles that move go on for this time [s].
+    stands_after : after the horizon they stand where they have come to; False: they do not count any more.
+    """
+
+    searched: Margin
+    certified: Margin
+    horizon: float
+    stands_after: bool = True
+
+    def margin(self, obstacles: Obstacles, present: float = math.inf) -> float:
+        """What a certificate among obstacles requires [m]; present : the clearance that there is already [m]."""
+        return 0.0 if obstacles.is_static else self.certified.of(present)
+
+    def until(self, time: float) -> Requirement:
+        """The requirement of a motion that has to be free until a time [s] of it, and no longer."""
+        return replace(self, horizon=time)
+
+    @property
+    def going_on(self) -> Requirement:
+        """The requirement of a motion that is being played already: to pass narrowly is better than to stop there."""
+        return replace(self, certified=NO_CONTACT)
+
+
+@dataclass(frozen=True)
+class Requirements:
+    """The requirements of all kinds of motion.
+
+    Attributes
+    ----------
+    goal, optimistic : of a new path to the goal. The clearance that there is already: at the end of the path that is
+        nearer to an obstacle.
+    detour : of a path beside what was demonstrated.
+    evasion, beside_graph : of a motion that makes room, to a place on the graph and to one beside it. To pass an
+        obstacle narrowly is better than to be met by it: no margin is required.
+    approach : of a motion towards a covered goal. The clearance that there is already: where the arm is.
+    stop : of the soonest stop, which is played whatever its certificate states.
+    later_stop : what the stop that a motion must leave keeps from wherever an obstacle may halt
+        (`Situation.leaves_a_stop`).
+    """
+
+    goal: Requirement
+    optimistic: Requirement
+    detour: Requirement
+    evasion: Requirement
+    beside_graph: Requirement
+    approach: Requirement
+    stop: Requirement
+    later_stop: Margin
+
+    @classmethod
+    def of(cls, settings: PlannerSettings) -> Requirements:
+        """The requirements with a user's settings."""
+        margin, horizon = settings.obstacle_margin, settings.prediction
+        moving = constants.DYNAMIC_MARGIN_FACTOR * margin
+        goal = Requirement(Margin(margin, 0.5), Margin(moving, 0.5), horizon)
+        evasion = Requirement(Margin(moving), NO_CONTACT, horizon, stands_after=False)
+        soon = min(constants.EVASION_DISPLACED_WITHIN, 0.5 * horizon)
+        # Two thirds of what the search keeps: in that share the certificate may come nearer.
+        nearer = constants.DYNAMIC_MARGIN_FACTOR / constants.APPROACH_MARGIN_FACTOR
+        approached = Margin(constants.APPROACH_MARGIN_FACTOR * margin, 0.99)
+        return cls(
+            goal=goal,
+            optimistic=replace(goal, stands_after=False),
+            detour=replace(goal, certified=Margin(moving)),
+            evasion=evasion,
+            beside_graph=replace(evasion, horizon=soon),
+            approach=Requirement(approached, Margin(moving, nearer * approached.share), horizon),
+            stop=Requirement(NO_CONTACT, Margin(-math.inf), horizon),
+            later_stop=Margin(moving),
+        )
