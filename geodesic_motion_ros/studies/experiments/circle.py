@@ -2,10 +2,11 @@
 
 The tool goes round a circle in an upright plane, in families whose elbows are on different sides. Learned as they are,
 with the prior N(0, 1) of the paper, they have to find room beside one another. Then geodesics are requested from every
-demonstration's code at several shares of its circle to its own code half a circle on, inside the support. What is
-decoded should keep the posture that both ends have; which it has is judged by the nearest demonstrated configuration.
+demonstration's code at several shares of its circle to its own code half a circle on. What is decoded should keep the
+posture that both ends have; which it has is judged by the nearest demonstrated configuration.
 
-Columns of the table, a row for each number of latent dimensions and seed:
+Two models, each for every number of latent dimensions and seed: *ours*, whose geodesics stay inside the support, and
+the paper's to the letter (*literal*, `JointTrainingSettings.paper`), searched in the whole latent box. Columns:
 
 error mm        mean distance of the tool in the demonstrations that encoder and decoder give back
 paths, none     geodesics that were requested, and pairs of ends that the support does not join
@@ -56,11 +57,12 @@ SIDES, _BORDER = {2: 100, 3: 40}, 0.1
 #: Shares of a circle where paths begin; they end half a circle on.
 BEGINS = (0.05, 0.2, 0.35, 0.45)
 _HALF = 0.5
-#: The paper's networks and number of kernels, and as many steps as a skill is learned with.
+#: Our model with the paper's networks and number of kernels, and as many steps as a skill is learned with.
 TRAINING = JointTrainingSettings(
     sheet="raw", hidden=(200, 100), steps=5000, batch=128, samples=SAMPLES, kernels=500, precision_iterations=60,
     precision_samples=2,
 )  # fmt: skip
+LITERAL = JointTrainingSettings.paper(batch=128, samples=SAMPLES)
 _COLOURS = (BLUE, ORANGE, GREEN, VERMILION)
 
 
@@ -96,8 +98,9 @@ class CirclePath:
 
 @dataclass(frozen=True)
 class CircleRow:
-    """One model: codes (N, T, d), its paths, and the pairs of ends that are not joined."""
+    """One model, "ours" or "literal": codes (N, T, d), its paths, and the pairs of ends that are not joined."""
 
+    model: str
     dimension: int
     seed: int
     error_mm: float
@@ -113,8 +116,8 @@ class CircleRow:
     def figures(self) -> dict[str, float | int]:
         """What the table shows."""
         return {
-            "dimension": self.dimension, "seed": self.seed, "error_mm": self.error_mm, "paths": len(self.paths),
-            "none": self.apart, "switches": self.switches,
+            "model": self.model, "dimension": self.dimension, "seed": self.seed, "error_mm": self.error_mm,
+            "paths": len(self.paths), "none": self.apart, "switches": self.switches,
             "switching": sum(path.switches > 0 for path in self.paths),
             "off_deg": float(np.degrees(max((path.off for path in self.paths), default=np.nan))),
         }  # fmt: skip
@@ -127,26 +130,26 @@ class CircleReport(Report):
     shown: Circles
     rows: tuple[CircleRow, ...]
 
-    def of(self, dimension: int) -> list[CircleRow]:
-        """The rows of one number of latent dimensions."""
-        return [row for row in self.rows if row.dimension == dimension]
+    def ours(self, dimension: int) -> list[CircleRow]:
+        """The rows of our model in one number of latent dimensions."""
+        return [row for row in self.rows if (row.model, row.dimension) == ("ours", dimension)]
 
     def as_dict(self) -> dict[str, Any]:
         return {"rows": [row.figures() for row in self.rows]}
 
     def table(self) -> str:
         """The table as plain text."""
-        head = ["latent", "seed", "error mm", "paths", "none", "switches", "switching", "off deg"]
+        head = ["model", "latent", "seed", "error mm", "paths", "none", "switches", "switching", "off deg"]
         return text_table(head, [list(row.figures().values()) for row in self.rows], digits=1)
 
     def draw(self, path: Path) -> None:
-        """Of the seed with most switches both latent spaces and its worst path, the joints along it and the arm; of
-        every seed, which family is where.
+        """Of our model, of the seed with most switches both latent spaces and its worst path, the joints along it and
+        the arm; of every seed, which family is where.
         """
         figure = Figure(figsize=(10.0, 12.4), layout="constrained")
         grid = figure.add_gridspec(5, 2, height_ratios=(1.25, 1.0, 0.9, 0.55, 0.55))
         for column, dimension in enumerate((2, 3)):
-            rows = self.of(dimension)
+            rows = self.ours(dimension)
             space = figure.add_subplot(grid[0, column], **({"projection": "3d"} if dimension == 3 else {}))
             worst = max(rows, key=lambda row: row.switches)
             _draw_codes(space, self.shown, worst)
@@ -186,33 +189,42 @@ def shown_circles(per_family: int = SHOWN, samples: int = SAMPLES, seed: int = 0
 
 @dataclass(frozen=True)
 class Circle(Study):
-    """Learn the circles in each number of dimensions, once for every seed, and count.
+    """Learn the circles with both models in each number of dimensions, once for every seed, and count.
 
-    training : its seed and its latent dimension are replaced. shown : None: `shown_circles`.
+    ours, literal : their seeds and latent dimensions are replaced. shown : None: `shown_circles`.
     """
 
-    seeds: tuple[int, ...] = seeds("two trainings each")
+    seeds: tuple[int, ...] = seeds("four trainings each")
     dimensions: tuple[int, ...] = (2, 3)
-    training: JointTrainingSettings = TRAINING
+    ours: JointTrainingSettings = TRAINING
+    literal: JointTrainingSettings = LITERAL
     shown: Circles | None = None
 
     def measure(self, out: Path) -> CircleReport:
         robot, shown = Robot.named("panda"), self.shown or shown_circles()
-        learned = models(shown.configurations, robot, self.dimensions, self.seeds, self.training, out / "models")
-        return CircleReport(shown, tuple(_measured(vae, shown, robot, chosen) for vae, chosen in learned))
+        rows = [
+            _measured(name, vae, shown, robot, chosen)
+            for name, training in (("ours", self.ours), ("literal", self.literal))
+            for vae, chosen in models(
+                shown.configurations, robot, self.dimensions, self.seeds, training, out / "models"
+            )
+        ]  # fmt: skip
+        return CircleReport(shown, tuple(rows))
 
 
-def _measured(vae: JointSpaceVAE, shown: Circles, robot: Robot, settings: JointTrainingSettings) -> CircleRow:
+def _measured(
+    model: str, vae: JointSpaceVAE, shown: Circles, robot: Robot, settings: JointTrainingSettings
+) -> CircleRow:
     with torch.no_grad():
         codes = vae.encoder(torch.tensor(shown.configurations))[0].numpy()
     dimension = settings.latent_dimension
     grid = grid_around(codes, SIDES[dimension], _BORDER)
-    graph = MetricGraph.on_grid(
-        pullback_metric(vae, robot, settings), grid, supported(vae, codes, grid.nodes()), NEIGHBOURS[dimension]
-    )
+    nodes = grid.nodes()
+    kept = supported(vae, codes, nodes) if model == "ours" else np.ones(len(nodes), dtype=bool)
+    graph = MetricGraph.on_grid(pullback_metric(vae, robot, settings), grid, kept, NEIGHBOURS[dimension])
     paths, apart = circle_paths(graph, codes, shown, partial(decoded, vae))
     error = 1e3 * tool_error(vae, robot, shown.configurations)
-    return CircleRow(dimension, settings.seed, error, codes, tuple(paths), apart)
+    return CircleRow(model, dimension, settings.seed, error, codes, tuple(paths), apart)
 
 
 def circle_paths(

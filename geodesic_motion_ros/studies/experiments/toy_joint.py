@@ -7,7 +7,7 @@ posture:
 geodesic        shortest path on a grid under the pull-back metric, bent by gradient descent
 straight line   between the same points of the latent space: the shortest path there is without the metric
 
-Columns of the table, a row for each seed and metric:
+Columns of the table, a row for each seed and each of these:
 
 own posture     share of codes whose nearest code of another demonstration is of the same posture: 100 % are clusters
 geodesic, line  mean and largest distance of the tool from the demonstrated S [mm], of the joints from the nearest
@@ -15,12 +15,14 @@ geodesic, line  mean and largest distance of the tool from the demonstrated S [m
 within          energy of the shortest path to the goal in the same posture
 across / within that to the goal in the other posture over it
 
-Metrics: "ours", sigma counted ten times and joints a little besides the body; "paper", sigma once and the body alone.
+Rows: "ours", our model with our metric, sigma counted ten times and joints a little besides the body; "ours, sigma
+once", the same model, sigma counted once and the body alone; "literal", the paper's model with its metric
+(`JointTrainingSettings.paper`).
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -63,17 +65,12 @@ _MIDDLE, _SIZE, _SPREAD = np.array([0.38, 0.0]), (0.1, 0.2), 0.006
 SIDE, _BORDER = 100, 0.25
 PAIRS = 2
 """Pairs of ends in each posture, one geodesic each."""
-METRICS = {"ours": JointMetricSettings(), "paper": JointMetricSettings(sigma_weight=1.0, joint_weight=1e-3)}
-TRAINING = JointTrainingSettings(
-    sheet="raw",
-    latent_dimension=2,
-    hidden=(64, 32),
-    steps=1500,
-    samples=SAMPLES,
-    kernels=120,
-    bandwidth_factor=1.3,
-    precision_iterations=100,
-)
+_SIZES = {
+    "latent_dimension": 2, "hidden": (64, 32), "steps": 1500, "samples": SAMPLES, "kernels": 120,
+    "bandwidth_factor": 1.3, "precision_iterations": 100,
+}  # fmt: skip
+TRAINING, LITERAL = JointTrainingSettings(sheet="raw", **_SIZES), JointTrainingSettings.paper(**_SIZES)
+_SIGMA_ONCE = JointMetricSettings(sigma_weight=1.0, joint_weight=1e-3)
 #: Steps of the descent.
 _DESCENT = 20
 _POSTURES = ("elbow to the left", "elbow to the right")
@@ -100,10 +97,10 @@ class JointCurve:
 
 @dataclass(frozen=True)
 class ToyJointRow:
-    """What a model and a metric make of the pairs of ends; energies [m^2]."""
+    """What a model and a metric, by their name, make of the pairs of ends; energies [m^2]."""
 
     seed: int
-    metric: str
+    name: str
     own_posture: float
     geodesics: tuple[JointCurve, ...]
     lines: tuple[JointCurve, ...]
@@ -133,7 +130,7 @@ class ToyJointReport(Report):
         return {
             "rows": [
                 {
-                    "seed": row.seed, "metric": row.metric, "own_posture": row.own_posture, "pairs": len(row.lines),
+                    "seed": row.seed, "row": row.name, "own_posture": row.own_posture, "pairs": len(row.lines),
                     "geodesic": dict(zip(names, row.off("geodesics"), strict=True)),
                     "line": dict(zip(names, row.off("lines"), strict=True)),
                     "energy_within": row.within, "energy_across": row.across,
@@ -145,7 +142,7 @@ class ToyJointReport(Report):
     def table(self) -> str:
         """The table as plain text."""
         columns = ("mm", "most", "joints deg", "switches")
-        head = ["metric", "seed", "own posture", *(f"{name} {c}" for name in ("geodesic", "line") for c in columns)]
+        head = ["row", "seed", "own posture", *(f"{name} {c}" for name in ("geodesic", "line") for c in columns)]
         head += ["within", "across / within"]
         lines = []
         for row in self.rows:
@@ -153,7 +150,7 @@ class ToyJointReport(Report):
                 f"{v:.1f}" if isinstance(v, float) else v for which in ("geodesics", "lines") for v in row.off(which)
             ]
             energies = f"{row.within:.3g}", f"{row.across / row.within:.3g}"
-            lines.append([row.metric, row.seed, f"{row.own_posture:.0%}", *cells, *energies])
+            lines.append([row.name, row.seed, f"{row.own_posture:.0%}", *cells, *energies])
         return text_table(head, lines)
 
     def draw(self, path: Path) -> None:
@@ -218,27 +215,30 @@ def toy_configurations(count: int = SHOWN, samples: int = SAMPLES, seed: int = 0
 
 @dataclass(frozen=True)
 class ToyJoint(Study):
-    """Learn both postures together, once for every seed, and measure.
+    """Learn both postures together, with both models and once for every seed, and measure.
 
-    training : its seed is replaced. shown : (2n, T, 2) [rad], n of each posture; None: `toy_configurations`.
+    ours, literal : their seeds are replaced. shown : (2n, T, 2) [rad], n of each posture; None: `toy_configurations`.
     """
 
-    seeds: tuple[int, ...] = seeds("one training each")
-    training: JointTrainingSettings = TRAINING
+    seeds: tuple[int, ...] = seeds("two trainings each")
+    ours: JointTrainingSettings = TRAINING
+    literal: JointTrainingSettings = LITERAL
     shown: np.ndarray | None = None
     far_sigma: float | None = far_sigma()
     bandwidth_factor: float | None = bandwidth_factor()
 
     def measure(self, out: Path) -> ToyJointReport:
         robot, shown = planar_arm(), toy_configurations() if self.shown is None else self.shown
-        chosen = changed(self.training, far_sigma=self.far_sigma, bandwidth_factor=self.bandwidth_factor)
+        metrics = {"ours": self.ours.metric, "ours, sigma once": _SIGMA_ONCE}, {"literal": self.literal.metric}
         rows, landscapes = [], []
         for seed in tqdm(self.seeds, desc="toy-joint", unit="seed"):
-            training = replace(chosen, seed=seed)
-            toy = _Toy(robot, shown, train_joint_model(shown, training, body_layer(robot, training.metric)))
-            landscapes += [] if landscapes else [toy.landscape()]
-            rows += [_measured(toy, name, seed) for name in METRICS]
-        rows.sort(key=lambda row: (list(METRICS).index(row.metric), row.seed))
+            for training, named in zip((self.ours, self.literal), metrics, strict=True):
+                chosen = changed(training, far_sigma=self.far_sigma, bandwidth_factor=self.bandwidth_factor, seed=seed)
+                toy = _Toy(robot, shown, train_joint_model(shown, chosen, body_layer(robot, chosen.metric)))
+                landscapes.append(toy.landscape(chosen.metric))
+                rows += [_measured(toy, name, metric, seed) for name, metric in named.items()]
+        order = [name for named in metrics for name in named]
+        rows.sort(key=lambda row: (order.index(row.name), row.seed))
         return ToyJointReport(robot, shown, tuple(rows), landscapes[0])
 
 
@@ -254,15 +254,13 @@ class _Toy:
         self.per_posture = len(shown) // 2
 
     def tool(self, configurations: np.ndarray) -> np.ndarray:
-        body = METRICS["ours"].body_points(self.robot)
+        body = JointMetricSettings().body_points(self.robot)
         points = place_body_points(np.ascontiguousarray(configurations), body.frames, body.offsets, self.robot.chain)
         return points[:, body.names.index(self.robot.tool_link), :2]
 
-    def metric(self, name: str) -> JointPullbackMetric:
-        settings = METRICS[name]
-        return JointPullbackMetric(
-            self.vae.decoder, BodyLayer(self.robot, settings.body_points(self.robot)), settings
-        )  # fmt: skip
+    def metric(self, settings: JointMetricSettings) -> JointPullbackMetric:
+        body = BodyLayer(self.robot, settings.body_points(self.robot))
+        return JointPullbackMetric(self.vae.decoder, body, settings)
 
     def decoded(self, latent: np.ndarray) -> JointCurve:
         with torch.no_grad():
@@ -271,9 +269,9 @@ class _Toy:
         off = [cKDTree(shown).query(found)[0] for shown, found in ((self._drawn, tool), (self._shown, configurations))]
         return JointCurve(latent, configurations, tool, np.stack(off, axis=1))
 
-    def landscape(self) -> Landscape:
+    def landscape(self, metric: JointMetricSettings) -> Landscape:
         sigma = self.vae.decoder.to_numpy().uncertainty(self.grid.nodes())
-        return Landscape.of(self.grid, self.codes, sigma, self.metric("ours"))
+        return Landscape.of(self.grid, self.codes, sigma, self.metric(metric))
 
     def own_posture(self) -> float:
         """Share of codes whose nearest code of another demonstration is of the same posture."""
@@ -281,19 +279,17 @@ class _Toy:
         return share_in_own_group(self.codes, numbers < self.per_posture, numbers)
 
 
-def _measured(toy: _Toy, metric_name: str, seed: int) -> ToyJointRow:
+def _measured(toy: _Toy, name: str, metric: JointMetricSettings, seed: int) -> ToyJointRow:
     codes, count = toy.codes, toy.per_posture
     ends = [
         (codes[posture * count + number, 0],
          *(codes[side * count + (number + 1) % count, -1] for side in (posture, 1 - posture)))
         for posture in range(2) for number in range(PAIRS)
     ]  # fmt: skip
-    found = ToyPaths.between(toy.metric(metric_name), toy.grid, ends, _DESCENT)
+    found = ToyPaths.between(toy.metric(metric), toy.grid, ends, _DESCENT)
     geodesics, lines = (tuple(map(toy.decoded, curves)) for curves in (found.geodesics, found.lines))
     crossing = toy.decoded(found.crossings[0])
-    return ToyJointRow(
-        seed, metric_name, toy.own_posture(), geodesics, lines, crossing, found.within, found.across
-    )  # fmt: skip
+    return ToyJointRow(seed, name, toy.own_posture(), geodesics, lines, crossing, found.within, found.across)
 
 
 def _draw_arm(axes: Axes, report: ToyJointReport, geodesic: JointCurve, line: JointCurve) -> None:

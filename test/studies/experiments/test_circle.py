@@ -13,6 +13,7 @@ from geodesic_motion_ros.robot.swivel import swivel_angle
 from geodesic_motion_ros.skill.skill import NEIGHBOURS
 from geodesic_motion_ros.studies.experiments import circle
 from geodesic_motion_ros.studies.experiments.circle import (
+    LITERAL,
     SWIVELS,
     TRAINING,
     Circle,
@@ -76,15 +77,18 @@ def test_geodesics_switch_between_rings_that_cross_and_not_where_space_keeps_the
 
 def test_a_small_run_leaves_table_and_picture(shown, tmp_path, monkeypatch) -> None:
     monkeypatch.setattr(circle, "SIDES", {2: 40, 3: 15})
-    settings = replace(TRAINING, hidden=(32, 16), steps=60, batch=64, kernels=60, precision_iterations=10)
-    study = Circle((0,), training=settings, shown=shown)
+    small = {"hidden": (32, 16), "steps": 30, "batch": 64, "kernels": 40, "precision_iterations": 5}
+    study = Circle((0,), ours=replace(TRAINING, **small), literal=replace(LITERAL, **small), shown=shown)
     report, again = study.measure(tmp_path), study.measure(tmp_path)
     assert again.table() == report.table()
-    assert len(list(tmp_path.rglob("*.safetensors"))) == 2
+    assert len(list(tmp_path.rglob("*.safetensors"))) == 4
     for row in report.rows:
         assert len(row.paths) + row.apart == len(shown.configurations) * len(circle.BEGINS)
-    assert report.table().count("\n") == 3
-    assert [row["dimension"] for row in report.as_dict()["rows"]] == [2, 3]
+        # In the whole box every pair of ends is joined.
+        assert row.model == "ours" or row.apart == 0
+    assert report.table().count("\n") == 1 + 4
+    rows = [(row["model"], row["dimension"]) for row in report.as_dict()["rows"]]
+    assert rows == [("ours", 2), ("ours", 3), ("literal", 2), ("literal", 3)]
     report.draw(tmp_path / "circle.png")
     assert (tmp_path / "circle.png").read_bytes().startswith(b"\x89PNG")
 

@@ -9,6 +9,7 @@ import pytest
 
 from geodesic_motion_ros.studies.experiments import toy_joint
 from geodesic_motion_ros.studies.experiments.toy_joint import (
+    LITERAL,
     TRAINING,
     ToyJoint,
     planar_arm,
@@ -33,17 +34,18 @@ def test_both_postures_hold_the_tool_where_it_is_to_be() -> None:
 def test_postures_are_clusters_and_a_small_run_leaves_table_and_picture(tmp_path, monkeypatch) -> None:
     for name, value in {"SIDE": 40, "PAIRS": 1}.items():
         monkeypatch.setattr(toy_joint, name, value)
-    settings = replace(
-        TRAINING, hidden=(32, 16), steps=300, batch=64, learning_rate=1e-2, samples=40, kernels=60,
-        bandwidth_factor=3.0, precision_samples=1, precision_iterations=20,
-    )  # fmt: skip
-    report = ToyJoint((0,), settings, toy_configurations(3, 40)).measure(tmp_path)
+    small = {
+        "hidden": (32, 16), "batch": 64, "learning_rate": 1e-2, "samples": 40, "kernels": 60, "bandwidth_factor": 3.0,
+        "precision_samples": 1, "precision_iterations": 20,
+    }  # fmt: skip
+    settings = replace(TRAINING, steps=300, **small), replace(LITERAL, steps=30, **small)
+    report = ToyJoint((0,), *settings, toy_configurations(3, 40)).measure(tmp_path)
     ours = report.rows[0]
     assert ours.own_posture > 0.9
     assert min(ours.across, ours.within) > 0.0
     assert ours.crossing.switches % 2 == 1
-    assert report.table().count("\n") == 3
-    assert len(report.as_dict()["rows"]) == 2
+    assert report.table().count("\n") == 1 + 3
+    assert [row["row"] for row in report.as_dict()["rows"]] == ["ours", "ours, sigma once", "literal"]
     report.draw(tmp_path / "toy.png")
     assert (tmp_path / "toy.png").read_bytes().startswith(b"\x89PNG")
 
