@@ -4,9 +4,10 @@ The simulated teacher brings the hand half a metre to an object and turns it by 
 reach_to_grasp`, one family); what is learned are the poses of the tool. For every seed of the training:
 
 - *targets*: starts and goals are drawn anew from what is shown, and the planner plans on two sheets: the canonical
-  one, and the raw one, the paper's, where what was learned is carried to the requested. Beside them the straight line
-  with an even turn (slerp), and the nearest demonstration carried to them. What counts is how far a path is from the
-  closest demonstration, matched by dynamic time warping along its whole length;
+  one, and the raw one, the paper's, where what was learned is carried to the requested. Beside them the paper to the
+  letter (*literal*: `TrainingSettings.paper` and its planner, which goes from the node nearest to the start to that
+  nearest to the goal), the straight line with an even turn (slerp), and the nearest demonstration carried to them. What
+  counts is how far a path is from the closest demonstration, matched by dynamic time warping along its whole length;
 - *ends*: targets come from the distribution that was demonstrated. So ends are also requested along
   demonstrations that were held out, and beyond all that were demonstrated, in rings (`requested_ends`);
 - *crossing*: on the raw sheet every motion is there with q and with -q. From the start with q to the goal with q, and
@@ -20,7 +21,7 @@ One path across is decoded: its quaternion leaps to the other hemisphere where i
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
@@ -31,7 +32,7 @@ from matplotlib.lines import Line2D
 from tqdm import tqdm
 
 from geodesic_motion_ros.demonstrations.demonstrations import Demonstrations
-from geodesic_motion_ros.geometry.curves import PoseCurve
+from geodesic_motion_ros.geometry.curves import Pose, PoseCurve
 from geodesic_motion_ros.geometry.quaternions import angle_between
 from geodesic_motion_ros.learning.settings import TrainingSettings
 from geodesic_motion_ros.manifold.encoder import TaskSpaceEncoder
@@ -61,11 +62,13 @@ from geodesic_motion_ros.studies.experiments.requested_ends import (
     ends_beyond,
     ends_figures,
     ends_table,
+    farthest_end,
     nearest_piece,
     pieces_of,
 )
 from geodesic_motion_ros.studies.experiments.study import Report, Study, option, seeds, setting
 from geodesic_motion_ros.studies.experiments.trained import BRIEFLY, trained_once
+from geodesic_motion_ros.studies.paper.paper_planner import PaperPlanner
 from geodesic_motion_ros.studies.tools.averages import mean
 from geodesic_motion_ros.studies.tools.similarity import distance_to_closest
 from geodesic_motion_ros.utils.tables import Cell, text_table
@@ -81,7 +84,8 @@ from geodesic_motion_ros.visualization.plots import (
 )
 
 TASK = "reach"
-ROWS = ("canonical sheet", "raw sheet", "straight line", NEAREST)
+LITERAL = "literal"
+ROWS = ("canonical sheet", "raw sheet", "straight line", NEAREST, LITERAL)
 #: Seed of the demonstrations that are held out; those that are shown have 0.
 _HELD_OUT_SEED = 10_000
 
@@ -110,10 +114,13 @@ class GraspTask(Study):
         crossings: dict[int, tuple[Crossing, ...]] = {}
         raw: dict[int, Skill] = {}
         for seed in tqdm(self.seeds, desc="grasp-task", unit="seed"):
+            literal = trained_once(TASK, shown, TrainingSettings.paper(seed=seed), out / "skills")
+            literally = PaperPlanner(literal).tool_curve
             raw[seed] = trained(seed=seed, sheet="raw")
             sheets = {ROWS[0]: trained(seed=seed, sheet="canonical"), ROWS[1]: raw[seed]}
-            targets += ask_targets(sheets, shown, seed, self)
-            answers += answers_to(requested_ends(shown, held_out, self, seed), sheets, shown, seed)
+            targets += ask_targets(sheets, literally, shown, seed, self)
+            ends = requested_ends(shown, held_out, self, seed)
+            answers += answers_to(ends, sheets, shown, seed, {LITERAL: literally})
             crossings[seed] = measure_crossings(raw[seed], [item.curve for item in shown])
         first = self.seeds[0]
         blind = trained(seed=first, sheet="raw", orientation_model="sign_blind")
@@ -131,6 +138,7 @@ class Target:
     ----------
     row : of ROWS. path : None where the planner refused, for a reason.
     carried : how far the learned start and goal were carried to meet the requested ones [m], the mean of both.
+    missed : how far the path's ends are from the requested ones [m], the farther of the two.
     turn : angle between the first and the last orientation [rad].
     off : mean distance from the closest demonstration [m].
     """
@@ -140,6 +148,7 @@ class Target:
     path: PoseCurve | None
     reason: str = ""
     carried: float = math.nan
+    missed: float = math.nan
     turn: float = math.nan
     off: float = math.nan
 
@@ -183,6 +192,7 @@ class GraspTaskReport(Report):
             "targets": len(requested),
             "answered": len(answered),
             "carried_mm": mean([1e3 * item.carried for item in answered]),
+            "missed_mm": max((1e3 * item.missed for item in answered), default=None),
             "turn_deg": mean([math.degrees(item.turn) for item in answered]),
             "off_mm": mean([1e3 * item.off for item in answered]),
             "farthest_off_mm": max((1e3 * item.off for item in answered), default=None),
@@ -218,7 +228,10 @@ class GraspTaskReport(Report):
 
     def table(self) -> str:
         """The tables as plain text, with what the planner refused."""
-        head = ["targets", "seed", "requested", "answered", "carried mm", "turn deg", "off mm", "farthest off mm"]
+        head = [
+            "targets", "seed", "requested", "answered", "carried mm", "missed mm", "turn deg", "off mm",
+            "farthest off mm",
+        ]  # fmt: skip
         rows: list[list[Cell]] = [
             [row, "all" if seed is None else str(seed), *self.summary(row, seed).values()]
             for row in ROWS for seed in (*self.crossings, None)
@@ -234,7 +247,8 @@ class GraspTaskReport(Report):
         refused = sorted({f"{item.row}, seed {item.seed}: {item.reason}" for item in self.targets if item.reason})
         return "\n".join([
             text_table(head, rows, 1), *refused,
-            "off: mean distance from the closest demonstration", "", ends_table(self.answers), "",
+            "off: mean distance from the closest demonstration; missed: the farthest end from the requested one", "",
+            ends_table(self.answers), "",
             text_table(crossing_head, crossings, 4),
             f"{blind}{max(self.sign_blind):.3f}", "",
             judged_table({f"seed {seed}": items for seed, items in self.crossings.items()}),
@@ -296,9 +310,15 @@ def requested_ends(
 
 
 def ask_targets(
-    skills: dict[str, Skill], shown: Demonstrations, seed: int, settings: GraspTask
+    skills: dict[str, Skill],
+    literally: Callable[[Pose, Pose], PoseCurve],
+    shown: Demonstrations,
+    seed: int,
+    settings: GraspTask,
 ) -> list[Target]:
-    """Starts and goals drawn from a seed, requested of skills by their rows, and both controls between them."""
+    """Starts and goals drawn from a seed, requested of skills by their rows and of the paper's planner, and both
+    controls between them.
+    """
     planners = {row: PosePathPlanner(skill, settings.planner) for row, skill in skills.items()}
     random, curves = np.random.default_rng([seed, settings.targets]), [item.curve for item in shown]
     found = []
@@ -310,15 +330,18 @@ def ask_targets(
                 found.append(Target(row, seed, None, path.reason))
                 continue
             carried = 0.5 * (path.verdict.start_offset + path.verdict.goal_offset)
-            found.append(_target(row, seed, path, curves, carried))
-        found.append(_target(ROWS[2], seed, task_line(shown, start, goal).corrected, curves))
-        found.append(_target(ROWS[3], seed, nearest_piece(shown, start, goal), curves))
+            found.append(_target(row, seed, path, (start, goal), curves, carried))
+        others = task_line(shown, start, goal).corrected, nearest_piece(shown, start, goal), literally(start, goal)
+        found += [_target(row, seed, path, (start, goal), curves) for row, path in zip(ROWS[2:], others, strict=True)]
     return found
 
 
-def _target(row: str, seed: int, path: PoseCurve, shown: Sequence[PoseCurve], carried: float = math.nan) -> Target:
+def _target(
+    row: str, seed: int, path: PoseCurve, ends: tuple[Pose, Pose], shown: Sequence[PoseCurve], carried: float = math.nan
+) -> Target:
     turn = float(angle_between(path.quaternions[0], path.quaternions[-1]))
-    return Target(row, seed, path, "", carried, turn, distance_to_closest(path, shown))
+    missed = farthest_end(path, *ends)
+    return Target(row, seed, path, "", carried, missed, turn, distance_to_closest(path, shown))
 
 
 def path_across(skill: Skill, shown: Demonstrations) -> Across:

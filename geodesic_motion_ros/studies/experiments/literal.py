@@ -200,7 +200,7 @@ def _literal(skill: Skill) -> Predict:
             ends = [planner.robot.forward(item.configurations[end]) for end in (0, -1)]
         else:
             ends = [item.curve.start, item.curve.goal]
-        return PoseCurve(*planner.tool_poses(planner.plan(*ends)))
+        return planner.tool_curve(*ends)
 
     return predict
 

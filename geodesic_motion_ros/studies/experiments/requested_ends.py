@@ -11,8 +11,9 @@ requested ones, carried to them. It refuses nothing.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
@@ -130,9 +131,17 @@ def _distances(curve: PoseCurve, pose: Pose) -> np.ndarray:
 
 
 def answers_to(
-    requested: Sequence[RequestedEnds], skills: Mapping[str, Skill], shown: Demonstrations, seed: int
+    requested: Sequence[RequestedEnds],
+    skills: Mapping[str, Skill],
+    shown: Demonstrations,
+    seed: int,
+    others: Mapping[str, Callable[[Pose, Pose], PoseCurve]] | None = None,
 ) -> list[EndsAnswer]:
-    """What the planner makes of the ends on every skill, by the name of its method, and the control."""
+    """What the planner makes of the ends on every skill, by the name of its method, and the control.
+
+    others : methods that refuse nothing, by their names: the motion from a start to a goal.
+    """
+    refusing_nothing = {**(others or {}), NEAREST: partial(nearest_piece, shown)}
     usual = PlannerSettings()
     unlimited = replace(usual, maximum_offset=10.0, maximum_offset_angle=math.pi)
     planners = {
@@ -145,8 +154,9 @@ def answers_to(
             reason = "" if isinstance(answers[0], PosePath) else answers[0].reason
             paths = [answer if isinstance(answer, PosePath) else None for answer in answers]
             found.append(_answer(ends, method, seed, reason, *paths))
-        control = nearest_piece(shown, ends.start, ends.goal)
-        found.append(_answer(ends, NEAREST, seed, "", control, control))
+        for method, motion in refusing_nothing.items():
+            curve = motion(ends.start, ends.goal)
+            found.append(_answer(ends, method, seed, "", curve, curve))
     return found
 
 
@@ -156,11 +166,14 @@ def _answer(
     off, off_unlimited = (
         math.nan if curve is None else distance_to_closest(curve, ends.right) for curve in (path, unlimited)
     )
-    missed = math.nan
-    if path is not None:
-        gaps = (path.start[0] - ends.start[0], path.goal[0] - ends.goal[0])
-        missed = max(float(np.linalg.norm(gap)) for gap in gaps)
+    missed = math.nan if path is None else farthest_end(path, ends.start, ends.goal)
     return EndsAnswer(ends.where, method, seed, reason, missed, off, off_unlimited)
+
+
+def farthest_end(path: PoseCurve, start: Pose, goal: Pose) -> float:
+    """Distance [m] of the tool at the ends of a path from requested ones, the farther of the two."""
+    gaps = path.start[0] - start[0], path.goal[0] - goal[0]
+    return max(float(np.linalg.norm(gap)) for gap in gaps)
 
 
 def ends_summary(answers: Sequence[EndsAnswer], where: str, method: str) -> dict[str, float | int | None]:

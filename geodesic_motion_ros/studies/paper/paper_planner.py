@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from geodesic_motion_ros.geometry.curves import PoseCurve
 from geodesic_motion_ros.geometry.fitted_spline import fitted_spline
 from geodesic_motion_ros.geometry.quaternions import angle_between, continuous_signs, normalise
 from geodesic_motion_ros.manifold.latent_graph import refuse_unsupported
@@ -209,6 +210,12 @@ class PaperPlanner:
     def plan(self, start: tuple[np.ndarray, np.ndarray], goal: tuple[np.ndarray, np.ndarray]) -> TimedPath:
         """The path between two tool poses (3,) [m], (4,) among the present obstacles; nothing else changes."""
         return self.plan_between(self._nearest(*start), self._nearest(*goal))[0]
+
+    def tool_curve(
+        self, start: tuple[np.ndarray, np.ndarray], goal: tuple[np.ndarray, np.ndarray]
+    ) -> PoseCurve:
+        """The tool's poses along `plan`."""
+        return PoseCurve(*self.tool_poses(self.plan(start, goal)))
 
     def plan_between(self, source: int, target: int, field: np.ndarray | None = None) -> tuple[TimedPath, float]:
         """The path from one node of the graph to another among the present obstacles, and what the shortest path on the

@@ -11,6 +11,7 @@ from geodesic_motion_ros.geometry.quaternions import angle_between
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.studies.experiments.crossing import measure_crossings
 from geodesic_motion_ros.studies.experiments.grasp_task import (
+    LITERAL,
     ROWS,
     GraspTask,
     GraspTaskReport,
@@ -21,6 +22,7 @@ from geodesic_motion_ros.studies.experiments.grasp_task import (
     sign_blind_ratios,
 )
 from geodesic_motion_ros.studies.experiments.requested_ends import answers_to
+from geodesic_motion_ros.studies.paper.paper_planner import PaperPlanner
 from geodesic_motion_ros.utils.errors import ParameterError
 from geodesic_motion_ros.utils.tables import write_json
 
@@ -30,10 +32,11 @@ SETTINGS = GraspTask(targets=3, ends=2, seeds=(0,))
 @pytest.fixture(scope="module")
 def report(reach_pose_skill, reach_poses, fan_skill, fan) -> GraspTaskReport:
     ends = requested_ends(reach_poses, reach_poses, SETTINGS, 0)
+    literally = PaperPlanner(fan_skill).tool_curve
     return GraspTaskReport(
         SETTINGS,
-        tuple(ask_targets({ROWS[0]: reach_pose_skill}, reach_poses, 0, SETTINGS)),
-        tuple(answers_to(ends[::2], {ROWS[0]: reach_pose_skill}, reach_poses, 0)),
+        tuple(ask_targets({ROWS[0]: reach_pose_skill}, literally, reach_poses, 0, SETTINGS)),
+        tuple(answers_to(ends[::2], {ROWS[0]: reach_pose_skill}, reach_poses, 0, {LITERAL: literally})),
         {0: measure_crossings(fan_skill, [item.curve for item in fan[:2]])},
         sign_blind_ratios(reach_pose_skill, reach_poses.split(tuple(range(2, 8)))[0]),
         reach_poses,
@@ -47,6 +50,15 @@ def test_targets_are_reached_along_what_was_shown_and_straight_lines_are_not(rep
     assert canonical["turn_deg"] == pytest.approx(90.0, abs=8.0)
     assert canonical["farthest_off_mm"] < 0.7 * line["off_mm"]
     assert report.summary(ROWS[1])["off_mm"] is None
+
+
+def test_our_ends_are_the_requested_ones_and_the_papers_are_where_its_model_decodes_to(report) -> None:
+    """The model of this test's literal row was shown another motion: it answers, and its ends are elsewhere."""
+    assert report.summary(ROWS[0])["missed_mm"] < 1e-3
+    literal = report.summary(LITERAL)
+    assert literal["answered"] == literal["targets"] == 3
+    assert literal["missed_mm"] > 10.0
+    assert {item.method for item in report.answers} == {ROWS[0], LITERAL, ROWS[3]}
 
 
 def test_the_arm_of_the_picture_follows_the_path_without_a_jump(report) -> None:
