@@ -3,11 +3,13 @@
 The simulated teacher carries each of three bottles to a cup of its own, and the three paths cross (`joint_teacher.
 pouring`); what is learned are the poses of the tool. For every seed of the training:
 
-- *pairs*: from each bottle to each cup, on the raw sheet, the paper's, and on the canonical one. What counts is how far
-  a path is from any position that was demonstrated;
+- *pairs*: from each bottle to each cup, on the raw sheet, the paper's, on the canonical one, and by the paper to the
+  letter (*literal*: `TrainingSettings.paper` and its planner). What counts is how far a path is from any position that
+  was demonstrated;
 - *clearance*: halfway along each path a sphere beside the bottle or under it, 1 cm deep in its path. The planner that
   takes the tool for a sphere of 4 cm does not know of the bottle in the hand; the other one has spheres along it that
-  hold all of it. Measured is the exact distance of the bottle's two cylinders from the sphere, along the dense path;
+  hold all of it, or, literal, plans for the position of the bottle's body, and adds its radius. Measured is the exact
+  distance of the bottle's two cylinders from the sphere, along the dense path;
 - *chain*: with one bottle to the first cup, on to the second and to the third: three geodesics on the raw sheet, which
   alone takes an end that was shown for a start. It is played by the arm in PyBullet among the stands.
 
@@ -19,7 +21,7 @@ between random points (`reshaped_metric`).
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -30,15 +32,16 @@ from scipy.spatial import cKDTree
 from tqdm import tqdm
 
 from geodesic_motion_ros.demonstrations.demonstrations import Demonstrations
-from geodesic_motion_ros.geometry.curves import interpolate
+from geodesic_motion_ros.geometry.curves import Pose, PoseCurve, interpolate
 from geodesic_motion_ros.learning.settings import TrainingSettings
 from geodesic_motion_ros.obstacles.obstacles import Obstacles
 from geodesic_motion_ros.planning.planner import ReactivePlanner
 from geodesic_motion_ros.planning.pose_path import PosePath, PosePathPlanner
 from geodesic_motion_ros.planning.status import Verdict
+from geodesic_motion_ros.robot.held_objects import HeldObject
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.simulation.joint_teacher import BOTTLE_PLACES, CUP_PLACES, pouring
-from geodesic_motion_ros.simulation.teacher import BOTTLE_REGION, CUP_REGION
+from geodesic_motion_ros.simulation.teacher import BOTTLE_REGION, CUP_REGION, bottle_in_hand
 from geodesic_motion_ros.skill.skill import Skill
 from geodesic_motion_ros.studies.experiments.posture_strip import draw_strip
 from geodesic_motion_ros.studies.experiments.pouring_motions import (
@@ -59,9 +62,11 @@ from geodesic_motion_ros.studies.experiments.pouring_scene import (
     pouring_strip,
     sphere_beside,
 )
+from geodesic_motion_ros.studies.experiments.requested_ends import farthest_end
 from geodesic_motion_ros.studies.experiments.reshaped_metric import ReshapedMetric, draw_reshaped_metric, reshape_metric
 from geodesic_motion_ros.studies.experiments.study import Report, Study, option, seeds
 from geodesic_motion_ros.studies.experiments.trained import BRIEFLY, trained_once
+from geodesic_motion_ros.studies.paper.paper_planner import PaperPlanner, PaperSettings
 from geodesic_motion_ros.utils.tables import Cell, text_table
 from geodesic_motion_ros.visualization.plots import (
     BLUE,
@@ -74,7 +79,13 @@ from geodesic_motion_ros.visualization.plots import (
 )
 
 TASK = "pouring_places"
-SHEETS = ("raw", "canonical")
+SHEETS = {"raw sheet": "raw", "canonical sheet": "canonical"}
+LITERAL = "literal"
+ROWS = (*SHEETS, LITERAL)
+#: zeta of the literal row: where kappa itself counts in the metric, less is not noticed.
+_STRENGTH = 1e9
+#: A path from a start to a goal among spheres at (o, 3) [m], or why there is none.
+Plan = Callable[[Pose, Pose, np.ndarray], PoseCurve | Verdict]
 #: Poses between two samples of a path where the bottle's clearance is measured.
 _CHECKS = 10
 
@@ -94,15 +105,19 @@ class PouringTask(Study):
         streams, raw = [], []
         for seed in tqdm(self.seeds, desc="pouring-task", unit="seed"):
             planners = {}
-            for sheet in SHEETS:
+            for row, sheet in SHEETS.items():
                 training = TrainingSettings(**BRIEFLY, seed=seed, sheet=sheet)
                 skill = trained_once(TASK, shown, training, out / "skills")
-                planners[sheet] = planner = PosePathPlanner(skill, bottle_settings())
-                pairs += all_pairs(planner, shown, sheet, seed)
-                blocked += blocked_pairs(planner, PosePathPlanner(skill), sheet, seed)
-            chains.append(pour_all_cups(planners["raw"], seed))
+                planners[row] = planner = PosePathPlanner(skill, bottle_settings())
+                pairs += all_pairs(ours(planner), shown, row, seed)
+                blocked += blocked_pairs(ours(planner), ours(PosePathPlanner(skill)), row, seed)
+            skill = trained_once(TASK, shown, TrainingSettings.paper(seed=seed), out / "skills")
+            with_bottle, hand_alone = literal(skill, True), literal(skill, False)
+            pairs += all_pairs(hand_alone, shown, LITERAL, seed)
+            blocked += blocked_pairs(with_bottle, hand_alone, LITERAL, seed)
+            chains.append(pour_all_cups(planners["raw sheet"], seed))
             if not streams:
-                raw.append(planners["raw"].skill)
+                raw.append(planners["raw sheet"].skill)
                 tool = replace(bottle_settings(), avoid="tool")
                 streams.append(past_a_moving_sphere(ReactivePlanner(raw[0], tool)))
         return PouringTaskReport(
@@ -112,21 +127,23 @@ class PouringTask(Study):
 
 @dataclass(frozen=True, eq=False)
 class Pair:
-    """From one bottle to one cup on one sheet.
+    """From one bottle to one cup, by one of ROWS.
 
     Attributes
     ----------
     path : None where the planner refused, for a reason.
     off : largest distance of the path from any demonstrated position [m].
+    missed : how far the path's ends are from the requested ones [m], the farther of the two.
     """
 
-    sheet: str
+    row: str
     seed: int
     bottle: int
     cup: int
-    path: PosePath | None
+    path: PoseCurve | None
     reason: str = ""
     off: float = math.nan
+    missed: float = math.nan
 
 
 @dataclass(frozen=True)
@@ -135,7 +152,7 @@ class Blocked:
     with the hand alone; NaN where that was refused. `side` is one of those where spheres are.
     """
 
-    sheet: str
+    row: str
     seed: int
     side: int
     bottle: int
@@ -161,8 +178,8 @@ class PouringTaskReport(Report):
         return {
             "settings": asdict(self.settings),
             "pairs": [
-                {"sheet": item.sheet, "seed": item.seed, "bottle": item.bottle, "cup": item.cup,
-                 "reached": item.path is not None, "reason": item.reason, "off": item.off}
+                {"row": item.row, "seed": item.seed, "bottle": item.bottle, "cup": item.cup,
+                 "reached": item.path is not None, "reason": item.reason, "off": item.off, "missed": item.missed}
                 for item in self.pairs
             ],
             "blocked": [asdict(item) for item in self.blocked],
@@ -179,23 +196,24 @@ class PouringTaskReport(Report):
     def table(self) -> str:
         """The tables as plain text, with what was refused."""
         pairs: list[list[Cell]] = []
-        for sheet in SHEETS:
+        for row in ROWS:
             for seed in self.settings.seeds:
-                of = [item for item in self.pairs if (item.sheet, item.seed) == (sheet, seed)]
+                of = [item for item in self.pairs if (item.row, item.seed) == (row, seed)]
                 reached = [item for item in of if item.path is not None]
                 off = {
                     shown: max((1e3 * item.off for item in reached if (item.bottle == item.cup) == shown), default=None)
                     for shown in (True, False)
                 }
-                pairs.append([f"{sheet} sheet", seed, f"{len(reached)} of {len(of)}", off[True], off[False]])
+                missed = max((1e3 * item.missed for item in reached), default=None)
+                pairs.append([row, seed, f"{len(reached)} of {len(of)}", off[True], off[False], missed])
         blocked: list[list[Cell]] = []
-        for sheet in SHEETS:
+        for row in ROWS:
             for seed in self.settings.seeds:
-                spheres = [item for item in self.blocked if (item.sheet, item.seed) == (sheet, seed)]
+                spheres = [item for item in self.blocked if (item.row, item.seed) == (row, seed)]
                 known = [1e3 * item.with_bottle for item in spheres if not math.isnan(item.with_bottle)]
                 hand = [1e3 * item.hand_alone for item in spheres if not math.isnan(item.hand_alone)]
                 blocked.append([
-                    f"{sheet} sheet", seed, len(spheres), len(known), sum(value <= 0.0 for value in known),
+                    row, seed, len(spheres), len(known), sum(value <= 0.0 for value in known),
                     min(known, default=None), len(hand), sum(value <= 0.0 for value in hand), min(hand, default=None),
                 ])  # fmt: skip
         chains: list[list[Cell]] = [
@@ -205,11 +223,13 @@ class PouringTaskReport(Report):
         ]  # fmt: skip
         stream = self.stream
         refused = [
-            f"{item.sheet} sheet, seed {item.seed}, {item.bottle} to {item.cup}: {item.reason}"
+            f"{item.row}, seed {item.seed}, {item.bottle} to {item.cup}: {item.reason}"
             for item in self.pairs if item.reason
         ] + [f"chain, seed {item.seed}: {item.reason}" for item in self.chains if item.reason]  # fmt: skip
         return "\n".join([
-            text_table(["pairs", "seed", "reached", "off, shown pairs mm", "off, others mm"], pairs, 1), "",
+            text_table(
+                ["pairs", "seed", "reached", "off, shown pairs mm", "off, others mm", "ends missed mm"], pairs, 1
+            ), "",
             text_table(
                 ["sphere on the bottle's path", "seed", "scenes", "answered", "hits", "least mm",
                  "hand alone: answered", "hits", "least mm"], blocked, 1,
@@ -229,9 +249,12 @@ class PouringTaskReport(Report):
         seed = self.settings.seeds[0]
         figure = Figure(figsize=(13.0, 9.6), layout="constrained")
         grid = figure.add_gridspec(3, 2, height_ratios=(5.2, 2.4, 2.2), width_ratios=(1.0, 1.0))
-        pairs = [item for item in self.pairs if (item.sheet, item.seed) == ("raw", seed) and item.path is not None]
+        pairs = [
+            (item.path, item.bottle == item.cup) for item in self.pairs
+            if (item.row, item.seed) == ("raw sheet", seed) and isinstance(item.path, PosePath)
+        ]  # fmt: skip
         names = {True: ("geodesic of a pair that was shown", BLUE), False: ("geodesic of another pair", VERMILION)}
-        paths = [DrawnPath(item.path.latent, item.path.positions, *names[item.bottle == item.cup]) for item in pairs]
+        paths = [DrawnPath(path.latent, path.positions, *names[shown]) for path, shown in pairs]
         paths.sort(key=lambda path: path.colour == BLUE)
         axes = figure.add_subplot(grid[0, 0])
         handles = latent_background(figure, axes, self.raw)
@@ -253,47 +276,69 @@ class PouringTaskReport(Report):
         draw_reshaped_metric(self.reshaped, path.with_stem(f"{path.stem}_metric"))
 
 
-def all_pairs(planner: PosePathPlanner, shown: Demonstrations, sheet: str, seed: int) -> list[Pair]:
+def ours(planner: PosePathPlanner) -> Plan:
+    """The paths of our planner."""
+
+    def plan(start: Pose, goal: Pose, centres: np.ndarray) -> PosePath | Verdict:
+        planner.set_obstacles(centres, np.full(len(centres), SPHERE_RADIUS))
+        return planner.plan(*start, *goal)
+
+    return plan
+
+
+def literal(skill: Skill, with_bottle: bool) -> Plan:
+    """The paths of the paper's planner, for the position of the bottle's body or for that of the hand."""
+    planner = PaperPlanner(skill, PaperSettings(strength=_STRENGTH))
+    body = bottle_in_hand()[0]
+    bottle = HeldObject("bottle", "cylinder", (body.radius, body.height), body.centre, body.quaternion)
+    assert planner.hold((bottle,) if with_bottle else ()).ok
+
+    def plan(start: Pose, goal: Pose, centres: np.ndarray) -> PoseCurve:
+        planner.set_obstacles(Obstacles.of_spheres(centres, np.full(len(centres), SPHERE_RADIUS)))
+        return planner.tool_curve(start, goal)
+
+    return plan
+
+
+def all_pairs(plan: Plan, shown: Demonstrations, row: str, seed: int) -> list[Pair]:
     """Every bottle to every cup, without obstacles."""
-    planner.take_obstacles(Obstacles.none())
     tree = cKDTree(np.concatenate([item.positions for item in shown]))
     found = []
     for bottle in PLACES:
         for cup in PLACES:
-            path = planner.plan(*at_bottle(bottle), *at_cup(cup))
+            ends = at_bottle(bottle), at_cup(cup)
+            path = plan(*ends, np.empty((0, 3)))
             if isinstance(path, Verdict):
-                found.append(Pair(sheet, seed, bottle, cup, None, path.reason))
+                found.append(Pair(row, seed, bottle, cup, None, path.reason))
                 continue
             off = float(tree.query(path.positions)[0].max())
-            found.append(Pair(sheet, seed, bottle, cup, path, "", off))
+            found.append(Pair(row, seed, bottle, cup, path, "", off, farthest_end(path, *ends)))
     return found
 
 
 def blocked_pairs(
-    planner: PosePathPlanner, unaware: PosePathPlanner, sheet: str, seed: int, sides: Sequence[int] = range(len(SIDES))
+    with_bottle: Plan, hand_alone: Plan, row: str, seed: int, sides: Sequence[int] = range(len(SIDES))
 ) -> list[Blocked]:
-    """Spheres on the bottle's path, halfway, for every pair; `unaware` knows nothing of the bottle."""
+    """Spheres on the bottle's path, halfway, for every pair."""
     found = []
     for bottle in PLACES:
         for cup in PLACES:
-            ends = *at_bottle(bottle), *at_cup(cup)
-            planner.take_obstacles(Obstacles.none())
-            free = planner.plan(*ends)
+            ends = at_bottle(bottle), at_cup(cup)
+            free = with_bottle(*ends, np.empty((0, 3)))
             if isinstance(free, Verdict):
                 continue
             middle = free.resampled(3)
             for side in sides:
                 centre = sphere_beside(middle.positions[1], middle.quaternions[1], np.array(SIDES[side]))
                 clearances = []
-                for each in (planner, unaware):
-                    each.set_obstacles(centre[None], np.array([SPHERE_RADIUS]))
-                    path = each.plan(*ends)
-                    clearances.append(_clearance(path, centre) if isinstance(path, PosePath) else math.nan)
-                found.append(Blocked(sheet, seed, side, bottle, cup, *clearances))
+                for plan in (with_bottle, hand_alone):
+                    path = plan(*ends, centre[None])
+                    clearances.append(math.nan if isinstance(path, Verdict) else _clearance(path, centre))
+                found.append(Blocked(row, seed, side, bottle, cup, *clearances))
     return found
 
 
-def _clearance(path: PosePath, centre: np.ndarray) -> float:
+def _clearance(path: PoseCurve, centre: np.ndarray) -> float:
     """Exact distance [m] of the bottle from a standing sphere along a path, at `_CHECKS` poses between two samples."""
     samples = np.arange(float(len(path.positions)))
     at = np.linspace(0.0, samples[-1], _CHECKS * (len(samples) - 1) + 1)
