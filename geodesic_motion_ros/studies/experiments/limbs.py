@@ -10,7 +10,8 @@ joint takes evenly spread values, and all branches count), and it is counted how
 How many these are is a matter of where the sphere is. The first one leaves the arm's other family free, so that there
 is a path for the whole arm; a second one of the same size is put where most solutions along the geodesic touch it.
 
-Beside it a skill of joint space of the same task: it sees the whole arm, and takes its other family.
+Beside it the geodesic of the paper's own model and planner (*literal*), of the same task and with the first sphere. And
+a skill of joint space: it sees the whole arm, and takes its other family.
 """
 
 from __future__ import annotations
@@ -25,9 +26,11 @@ import numpy as np
 from matplotlib.figure import Figure
 from scipy.spatial.distance import cdist
 
+from geodesic_motion_ros.geometry.curves import PoseCurve
 from geodesic_motion_ros.learning.settings import TrainingSettings
 from geodesic_motion_ros.manifold.decoder import rms_sigma
 from geodesic_motion_ros.manifold.grid import LatentGrid
+from geodesic_motion_ros.obstacles.obstacles import Obstacles
 from geodesic_motion_ros.planning.configuration_query import ConfigurationGoal
 from geodesic_motion_ros.planning.planner import ReactivePlanner
 from geodesic_motion_ros.planning.pose_path import PosePath, PosePathPlanner
@@ -52,6 +55,7 @@ from geodesic_motion_ros.studies.experiments.grasp_joint_scenes import RADIUS, m
 from geodesic_motion_ros.studies.experiments.posture_strip import draw_strip, posture_strips
 from geodesic_motion_ros.studies.experiments.study import Report, Study, option
 from geodesic_motion_ros.studies.experiments.trained import BRIEFLY, trained_once
+from geodesic_motion_ros.studies.paper.paper_planner import STRENGTH_OF_POSES, PaperPlanner, PaperSettings
 from geodesic_motion_ros.studies.tools.collision_geometry import CollisionGeometry
 from geodesic_motion_ros.trajectory.trajectory import JointReference
 from geodesic_motion_ros.utils.errors import ParameterError
@@ -74,7 +78,7 @@ _PICTURE_PERIOD = 0.02
 class Limbs(Study):
     """Show, train and count; `skill` is of the same task in joint space, with two families or more.
 
-    shown : demonstrations that are learned from; seed : of the training.
+    shown : demonstrations that are learned from; seed : of the trainings.
     """
 
     skill: str = option(
@@ -91,10 +95,11 @@ class Limbs(Study):
     def measure(self, out: Path) -> LimbsReport:
         shown = reach_to_grasp(self.shown, 0, families=1).tool_demonstrations(Robot.named("panda"))
         tool = trained_once(TASK, shown, TrainingSettings(**BRIEFLY, seed=self.seed), out / "skills")
-        return self.compared(tool, Skill.load(self.skill))
+        literal = trained_once(TASK, shown, TrainingSettings.paper(seed=self.seed), out / "skills")
+        return self.compared(tool, literal, Skill.load(self.skill))
 
-    def compared(self, skill: Skill, joint_skill: Skill) -> LimbsReport:
-        """Put the sphere, ask both skills, and count solutions.
+    def compared(self, skill: Skill, literal: Skill, joint_skill: Skill) -> LimbsReport:
+        """Put the sphere, ask all skills, and count solutions.
 
         Raises
         ------
@@ -123,6 +128,10 @@ class Limbs(Study):
             raise ParameterError(f"the sphere was to leave the tool's path free, but: {path.reason}")
         along = path.positions, path.quaternions
         worst_centre = worst_sphere(*(part[np.linspace(0, len(part) - 1, _POSES).astype(int)] for part in along))
+        literal_free, literal_path = (
+            _literal_geodesic(literal, poses, *spheres)
+            for spheres in ((np.empty((0, 3)), np.empty(0)), (centres, radii))
+        )
         grid = LatentGrid(skill.latent_lower, skill.latent_upper, (self.side, self.side))
         decoded = skill.decoder.decode(grid.nodes())
         geometry = CollisionGeometry("panda")
@@ -142,6 +151,8 @@ class Limbs(Study):
             free=free,
             path=path,
             along=solved(*along, centres, radii, self.solutions),
+            literal_moved=_moved(literal_path, literal_free),
+            literal=solved(literal_path.positions, literal_path.quaternions, centres, radii, self.solutions),
             tool_clearance=path.verdict.clearance,
             worst_centre=worst_centre,
             worst=solved(*along, worst_centre[None], radii, self.solutions),
@@ -179,6 +190,8 @@ class LimbsReport(Report):
     centre, radius : of the sphere [m].
     grid, nodes : the grid over the latent space, and its solutions.
     free, path, along : geodesic of the tool without and with the sphere, and solutions at the samples of the latter.
+    literal, literal_moved : solutions at the samples of the literal geodesic with the sphere, and how far that is moved
+        by it [m].
     tool_clearance : of the tool's spheres on that path, as the planner promises [m].
     worst_centre, worst : the sphere that most solutions touch [m], and solutions at the same samples with it.
     nominal, avoiding : motions of the whole arm without and with the sphere; None where that was refused.
@@ -197,6 +210,8 @@ class LimbsReport(Report):
     free: PosePath
     path: PosePath
     along: Solutions
+    literal: Solutions
+    literal_moved: float
     tool_clearance: float
     worst_centre: np.ndarray
     worst: Solutions
@@ -209,19 +224,22 @@ class LimbsReport(Report):
     def summary(self) -> dict[str, float | int]:
         """The figures."""
         inside, along = self.supported & (self.nodes.found > 0), self.along.shares
-        worst = self.worst.shares
-        moved = np.linalg.norm(self.path.positions[:, None] - self.free.positions, axis=-1).min(axis=1).max()
+        worst, literal = self.worst.shares, self.literal.shares
         return {
             "nodes": len(self.nodes.found),
             "supported_nodes": int(np.count_nonzero(self.supported)),
             "solutions": int(self.nodes.found.sum()),
             "median_solutions_of_a_supported_node": float(np.median(self.nodes.found[self.supported])),
             "supported_nodes_where_some_solution_is_touched": float(np.mean(self.nodes.touched[inside] > 0)),
-            "geodesic_moved_by_the_sphere_mm": 1e3 * float(moved),
+            "geodesic_moved_by_the_sphere_mm": 1e3 * _moved(self.path, self.free),
             "clearance_of_the_tool_mm": 1e3 * self.tool_clearance,
             "share_touched_on_the_geodesic_mean": float(np.nanmean(along)),
             "share_touched_on_the_geodesic_most": float(np.nanmax(along)),
             "share_of_the_geodesic_with_touched_solutions": float(np.mean(self.along.touched > 0)),
+            "literal_geodesic_moved_by_the_sphere_mm": 1e3 * self.literal_moved,
+            "literal_share_touched_on_the_geodesic_mean": float(np.nanmean(literal)),
+            "literal_share_touched_on_the_geodesic_most": float(np.nanmax(literal)),
+            "literal_share_of_the_geodesic_with_touched_solutions": float(np.mean(self.literal.touched > 0)),
             "worst_sphere_share_touched_mean": float(np.nanmean(worst)),
             "worst_sphere_share_touched_most": float(np.nanmax(worst)),
             "worst_sphere_share_of_the_geodesic_over_90_of_100": float(np.mean(worst > 0.9)),
@@ -281,6 +299,20 @@ class LimbsReport(Report):
             draw_strip(figure.add_subplot(grid[row, :]), strip, title)
         legend_below(figure, handles)
         write_figure(figure, path)
+
+
+def _literal_geodesic(
+    skill: Skill, ends: tuple[np.ndarray, ...], centres: np.ndarray, radii: np.ndarray
+) -> PoseCurve:
+    """The paper's planner's, between two tool poses among spheres (o, 3), (o,) [m]."""
+    planner = PaperPlanner(skill, PaperSettings(strength=STRENGTH_OF_POSES))
+    planner.set_obstacles(Obstacles.of_spheres(centres, radii))
+    return planner.tool_curve(ends[:2], ends[2:])
+
+
+def _moved(path: PoseCurve, free: PoseCurve) -> float:
+    """Largest distance [m] of a path's positions from those of another one."""
+    return float(np.linalg.norm(path.positions[:, None] - free.positions, axis=-1).min(axis=1).max())
 
 
 def worst_sphere(positions: np.ndarray, quaternions: np.ndarray) -> np.ndarray:

@@ -66,7 +66,7 @@ from geodesic_motion_ros.studies.experiments.requested_ends import farthest_end
 from geodesic_motion_ros.studies.experiments.reshaped_metric import ReshapedMetric, draw_reshaped_metric, reshape_metric
 from geodesic_motion_ros.studies.experiments.study import Report, Study, option, seeds
 from geodesic_motion_ros.studies.experiments.trained import BRIEFLY, trained_once
-from geodesic_motion_ros.studies.paper.paper_planner import PaperPlanner, PaperSettings
+from geodesic_motion_ros.studies.paper.paper_planner import STRENGTH_OF_POSES, PaperPlanner, PaperSettings
 from geodesic_motion_ros.utils.tables import Cell, text_table
 from geodesic_motion_ros.visualization.plots import (
     BLUE,
@@ -82,8 +82,6 @@ TASK = "pouring_places"
 SHEETS = {"raw sheet": "raw", "canonical sheet": "canonical"}
 LITERAL = "literal"
 ROWS = (*SHEETS, LITERAL)
-#: zeta of the literal row: where kappa itself counts in the metric, less is not noticed.
-_STRENGTH = 1e9
 #: A path from a start to a goal among spheres at (o, 3) [m], or why there is none.
 Plan = Callable[[Pose, Pose, np.ndarray], PoseCurve | Verdict]
 #: Poses between two samples of a path where the bottle's clearance is measured.
@@ -288,7 +286,7 @@ def ours(planner: PosePathPlanner) -> Plan:
 
 def literal(skill: Skill, with_bottle: bool) -> Plan:
     """The paths of the paper's planner, for the position of the bottle's body or for that of the hand."""
-    planner = PaperPlanner(skill, PaperSettings(strength=_STRENGTH))
+    planner = PaperPlanner(skill, PaperSettings(strength=STRENGTH_OF_POSES))
     body = bottle_in_hand()[0]
     bottle = HeldObject("bottle", "cylinder", (body.radius, body.height), body.centre, body.quaternion)
     assert planner.hold((bottle,) if with_bottle else ()).ok

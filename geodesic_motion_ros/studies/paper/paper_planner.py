@@ -35,6 +35,10 @@ CAUTION = "simulation only: nothing is certified, the path may lead through obst
 _NOTHING = np.empty(0, dtype=np.int32)
 
 
+#: zeta with skills of poses whose metric has kappa itself: an obstacle is not noticed beside its numbers below that.
+STRENGTH_OF_POSES = 1e9
+
+
 @dataclass(frozen=True)
 class PaperSettings:
     """Settings of the paper's planner.

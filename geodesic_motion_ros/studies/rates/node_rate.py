@@ -19,13 +19,13 @@ from geodesic_motion_ros.nodes.stolen_time import StolenTime
 from geodesic_motion_ros.planning.planner import ReactivePlanner
 from geodesic_motion_ros.robot.body_points import end_effector_poses
 from geodesic_motion_ros.skill.skill import Skill
-from geodesic_motion_ros.studies.paper.paper_planner import PaperPlanner, PaperSettings
+from geodesic_motion_ros.studies.paper.paper_planner import STRENGTH_OF_POSES, PaperPlanner, PaperSettings
 from geodesic_motion_ros.studies.rates.planner_stream import Cloud, PlannerStream, Spheres, no_spheres
 from geodesic_motion_ros.utils.errors import ParameterError
 from geodesic_motion_ros.utils.tables import text_table
 
 #: The skills of the paper's planner, with zeta, and grids on which it is seen where they lead.
-PAPER = {"paper_pouring": 1e9, "paper_reach": 1e3}
+PAPER = {"paper_pouring": STRENGTH_OF_POSES, "paper_reach": 1e3}
 _COARSE = {2: (60, 60), 3: (20, 20, 20)}
 #: Radius of the circle on which the goal jumps, and of the obstacles; how far from the tool's undisturbed path these
 #: stand, and how much room they leave [m].

@@ -23,7 +23,7 @@ ROBOT, MODEL = Robot.named("panda"), CollisionModel.named("panda")
 @pytest.fixture(scope="module")
 def report(reach_pose_skill, reach_skill) -> LimbsReport:
     settings = Limbs(side=15, solutions=20, joint_planner=PlannerSettings(grid_shape=(30, 30, 30)))
-    return settings.compared(reach_pose_skill, reach_skill)
+    return settings.compared(reach_pose_skill, reach_pose_skill, reach_skill)
 
 
 def test_solutions_are_counted_and_distinguished() -> None:
@@ -52,6 +52,12 @@ def test_the_tools_path_stays_and_solutions_on_it_are_touched(report) -> None:
     assert figures["clearance_of_the_tool_mm"] > 50.0
     assert figures["share_touched_on_the_geodesic_most"] > 0.05
     assert figures["supported_nodes_where_some_solution_is_touched"] > 0.0
+
+
+def test_the_papers_planner_of_the_tool_does_not_see_the_arm_either(report) -> None:
+    figures = report.summary()
+    assert figures["literal_geodesic_moved_by_the_sphere_mm"] < 1.0
+    assert figures["literal_share_touched_on_the_geodesic_most"] > 0.05
 
 
 def test_where_most_solutions_touch_the_sphere_they_are_more_and_the_hand_is_not_near(report) -> None:
@@ -83,6 +89,6 @@ def test_what_is_handed_over_is_complete(report, tmp_path) -> None:
 
 def test_skills_and_settings_that_do_not_fit_are_refused(reach_pose_skill, reach_skill) -> None:
     with pytest.raises(ParameterError, match="knows no families"):
-        Limbs().compared(reach_pose_skill, replace(reach_skill, canonical=None))
+        Limbs().compared(reach_pose_skill, reach_pose_skill, replace(reach_skill, canonical=None))
     with pytest.raises(ParameterError, match="at least 2"):
         Limbs(solutions=1)

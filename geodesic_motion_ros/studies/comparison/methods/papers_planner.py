@@ -23,11 +23,11 @@ from geodesic_motion_ros.studies.comparison.method import TICK, Answer
 from geodesic_motion_ros.studies.comparison.scene import Scene
 from geodesic_motion_ros.studies.paper.follower import TimedPath
 from geodesic_motion_ros.studies.paper.paper_cycle import PaperCycle, PaperJointCycle, PaperPoseCycle
-from geodesic_motion_ros.studies.paper.paper_planner import PaperPlanner, PaperSettings
+from geodesic_motion_ros.studies.paper.paper_planner import STRENGTH_OF_POSES, PaperPlanner, PaperSettings
 from geodesic_motion_ros.utils.errors import ParameterError
 
 #: The paper's models of tasks that shipped skills have, and zeta, as config/paper.yaml has it.
-MODELS = {"panda_reach_to_grasp": ("paper_reach", 1e3), "panda_pouring": ("paper_pouring", 1e9)}
+MODELS = {"panda_reach_to_grasp": ("paper_reach", 1e3), "panda_pouring": ("paper_pouring", STRENGTH_OF_POSES)}
 #: As the planner node has them by default [s].
 _TIMEOUTS, _LATENCY = (0.25, 1.0), 0.03
 
