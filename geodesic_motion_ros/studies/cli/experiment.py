@@ -122,6 +122,8 @@ def _all(arguments: argparse.Namespace) -> None:
     timed = [name for name in names if STUDIES[name].timed]
     together = [name for name in names if name not in timed]
     cores = len(os.sched_getaffinity(0))
+    for name in names:
+        _folder(_of_default(name, arguments))
     for several, beside in ((together, cores), (timed, 1)):
         for row in _each(several, beside, arguments):
             rows.append(row)
@@ -165,15 +167,20 @@ def _each(names: Sequence[str], beside: int, arguments: argparse.Namespace) -> I
 def _default(name: str, arguments: argparse.Namespace) -> None:
     """Run a study with its default settings; what it prints goes to log.txt in its folder, an error in the last line.
     """
-    own = argparse.Namespace(experiment=name, out=arguments.out, json=None)
-    _folder(own)
     with _log(arguments, name).open("w", buffering=1) as log, redirect_stdout(log), redirect_stderr(log):
+        for output in (1, 2):  # of processes that the study starts
+            os.dup2(log.fileno(), output)
         try:
-            _run(own, _seeded(STUDIES[name].load()(), arguments.seeds_from))
+            _run(_of_default(name, arguments), _seeded(STUDIES[name].load()(), arguments.seeds_from))
         except Exception as failure:
             traceback.print_exc()
             print(" ".join(f"{type(failure).__name__}: {failure}".split()))
             sys.exit(1)
+
+
+def _of_default(name: str, arguments: argparse.Namespace) -> argparse.Namespace:
+    """The arguments of one of all experiments."""
+    return argparse.Namespace(experiment=name, out=arguments.out, json=None)
 
 
 def _log(arguments: argparse.Namespace, name: str) -> Path:
