@@ -19,6 +19,7 @@ from dataclasses import dataclass
 import numba
 import numpy as np
 
+from geodesic_motion_ros.planning.settings import SWIVELLED_AT
 from geodesic_motion_ros.robot.inverse_kinematics import pose_difference
 from geodesic_motion_ros.robot.kinematics import (
     Robot,
@@ -95,6 +96,13 @@ class SolvedPath:
         if np.max(beyond) > 0.0:
             reason = f"limit of joint '{robot.joint_names[joint]}', by {np.max(beyond):.2f} rad"
         return f"the arm cannot hold {name} {place}: {reason}"
+
+
+def swivel_steps(angle: float, samples: int) -> np.ndarray:
+    """Steps (samples,) [rad] along the null vectors by which an arm that sets out swivels by an angle."""
+    share = np.clip(np.linspace(0.0, 1.0, samples) / SWIVELLED_AT, 0.0, 1.0)
+    turned = angle * share**2 * (3.0 - 2.0 * share)
+    return np.diff(turned, prepend=0.0)
 
 
 def solve_path(

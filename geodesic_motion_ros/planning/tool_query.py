@@ -26,7 +26,7 @@ from geodesic_motion_ros.planning import settings as constants
 from geodesic_motion_ros.planning.declared_scene import DeclaredScene
 from geodesic_motion_ros.planning.path_smoothing import correct_ends, resample_latent, smooth_latent
 from geodesic_motion_ros.planning.pose_query import Pose, PoseQuery, PoseQueryBuilder
-from geodesic_motion_ros.planning.posture import Posture, solve_beside, solve_nodes, solve_path
+from geodesic_motion_ros.planning.posture import Posture, solve_beside, solve_nodes, solve_path, swivel_steps
 from geodesic_motion_ros.planning.settings import PlannerSettings
 from geodesic_motion_ros.planning.status import Verdict, VerdictCode
 from geodesic_motion_ros.planning.transported_query import edges_in_scene
@@ -294,7 +294,6 @@ class ToolQueryBuilder:
         goal = frame.to_base(query.goal.position, query.goal.quaternion)
         positions, quaternions = correct_ends(positions, quaternions, self._robot.forward(start), goal)
         tau = np.maximum.accumulate(_tau(query, progress))
-        share = np.clip(np.linspace(0.0, 1.0, len(tau)) / constants.SWIVELLED_AT, 0.0, 1.0)
-        turned = constants.SWIVELS[swivel] * share**2 * (3.0 - 2.0 * share)
-        path = solve_path(self._robot, positions, quaternions, start, np.diff(turned, prepend=0.0))
+        steps = swivel_steps(constants.SWIVELS[swivel], len(tau))
+        path = solve_path(self._robot, positions, quaternions, start, steps)
         return path.objection(self._robot) or Posture(tau, path.configurations, path.nulls)

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 
-from geodesic_motion_ros.simulation.tabletop import TabletopWorld
 from geodesic_motion_ros.simulation.trajectory_player import JointWaypoints
+from geodesic_motion_ros.simulation.world import ArmWorld
 from geodesic_motion_ros.trajectory.trajectory import JointReference
 
 #: Physics steps between two samples, and time the arm is given to come to rest [s].
@@ -22,7 +23,7 @@ class Execution:
     ----------
     times : (k,) [s]; configurations : (k, eta) [rad] as measured; tool : (k, 3) [m] positions of the tool.
     tracking_error : largest difference of a joint from what it was to do at the time [rad].
-    clearance : least distance of the arm from what stands on the table [m], by PyBullet.
+    clearance : least distance [m] that was asked for, by PyBullet.
     """
 
     times: np.ndarray
@@ -32,8 +33,11 @@ class Execution:
     clearance: float
 
 
-def play(world: TabletopWorld, reference: JointReference) -> Execution:
-    """Put the arm where a reference begins, let it play that, and measure; among what stands in the world."""
+def play(world: ArmWorld, reference: JointReference, distance: Callable[[], float]) -> Execution:
+    """Put the arm where a reference begins, let it play that, and measure.
+
+    distance : of the arm in the world as it is [m], of which the least is kept.
+    """
     world.reset(reference.positions[0])
     world.set_joint_trajectory(
         JointWaypoints(reference.times, reference.positions, reference.velocities, reference.accelerations)
@@ -42,7 +46,7 @@ def play(world: TabletopWorld, reference: JointReference) -> Execution:
     while world.time < reference.duration + _SETTLING:
         times.append(world.time)
         done.append(world.joint_positions)
-        clearance = min(clearance, world.furniture_clearance())
+        clearance = min(clearance, distance())
         for _ in range(_STEPS):
             world.step()
     configurations = np.array(done)

@@ -87,7 +87,7 @@ TASK = "reach"
 LITERAL = "literal"
 ROWS = ("canonical sheet", "raw sheet", "straight line", NEAREST, LITERAL)
 #: Seed of the demonstrations that are held out; those that are shown have 0.
-_HELD_OUT_SEED = 10_000
+HELD_OUT_SEED = 10_000
 
 
 @dataclass(frozen=True)
@@ -104,7 +104,7 @@ class GraspTask(Study):
     planner: PlannerSettings = field(default_factory=PlannerSettings)
 
     def measure(self, out: Path) -> GraspTaskReport:
-        shown, held_out = (reach_demonstrations(self.shown, seed) for seed in (0, _HELD_OUT_SEED))
+        shown, held_out = (reach_demonstrations(self.shown, seed) for seed in (0, HELD_OUT_SEED))
 
         def trained(**changes: Any) -> Skill:
             return trained_once(TASK, shown, TrainingSettings(**(BRIEFLY | changes)), out / "skills")

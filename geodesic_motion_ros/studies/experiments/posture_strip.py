@@ -8,6 +8,7 @@ import numpy as np
 from matplotlib.axes import Axes
 
 from geodesic_motion_ros.planning.declared_scene import DeclaredScene
+from geodesic_motion_ros.robot.description import DEFAULT_ROBOT
 from geodesic_motion_ros.robot.swivel import elbow_position
 from geodesic_motion_ros.simulation.world import ArmWorld
 
@@ -24,6 +25,7 @@ def posture_strips(
     postures: int = 5,
     view: str = "front",
     curves: bool = True,
+    robot: str = DEFAULT_ROBOT,
 ) -> np.ndarray:
     """Picture, uint8, with a row for each motion; a posture is (height, width, 3) pixels.
 
@@ -32,8 +34,9 @@ def posture_strips(
     motions : configurations (n, eta) [rad] each, evenly spaced in time.
     obstacles : of each motion, name -> (centre (3,), radius) [m].
     view : one of `camera.VIEWS`. curves : draw the curves of tool and elbow.
+    robot : whose motions they are, its name.
     """
-    with ArmWorld(scene=DeclaredScene.named("table")) as world:
+    with ArmWorld(scene=DeclaredScene.named("table"), robot=robot) as world:
         rows = []
         for motion, spheres in zip(motions, obstacles, strict=True):
             world.set_obstacles(spheres)

@@ -235,7 +235,7 @@ def _pour(
     if isinstance(played, str):
         return Pouring(player.name, seed, bottle, cup, played)
     world.furnish(standing_there(bottle))
-    execution = play(world, played.reference)
+    execution = play(world, played.reference, world.furniture_clearance)
     latent = np.array([played.reference.latent_at(time) for time in execution.times])
     away = np.stack([tree.query(execution.tool)[0] for tree in trees])
     goal = world.robot.forward(families.ends((cup,), -1))[0]

@@ -41,6 +41,7 @@ STUDIES: dict[str, Entry] = {
     "whole-arm": Entry("whole_arm", "WholeArm", "spheres on the path of the whole arm, standing and moving"),
     "obstacle-laws": Entry("obstacle_laws", "ObstacleLaws", "laws, strengths and widths of the ambient metric"),
     "grasp-task": Entry("grasp_task", "GraspTask", "reach to grasp, poses of the tool: new targets, paths across"),
+    "transfer": Entry("transfer", "Transfer", "one skill of the tool on three arms: planned, played, compared"),
     "pouring-task": Entry("pouring_task", "PouringTask", "three bottles, three cups: pairs, a moving sphere, a chain"),
     "detours": Entry("detours", "Detours", "a sphere on the tool's path, and several largest detours, side by side"),
     "largest-sphere": Entry("largest_sphere", "LargestSphere", "on the tool's path, place by place, by the detour"),
