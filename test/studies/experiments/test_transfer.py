@@ -1,4 +1,4 @@
-"""One skill of the tool on three arms, small: where each is placed, what it plays, and what is told of refusals."""
+"""One skill of the tool on three arms, small: where each is placed, what it plays, and what it says of refusals."""
 
 from __future__ import annotations
 
