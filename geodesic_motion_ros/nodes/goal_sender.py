@@ -141,6 +141,27 @@ class _Status:
         return self.text.partition(":")[0] + self.mode, f"{self.mode or Mode.HOLDING.value}: {self.text}"
 
 
+class Talk:
+    """Decides when it is said what the arm does: once that has lasted for a moment, and again and again, however fast
+    one reason follows the other.
+
+    begin : when the goal was accepted [s].
+    """
+
+    def __init__(self, begin: float) -> None:
+        self._kind, self._since, self._said, self._known = "", begin, begin, True
+
+    def is_due(self, kind: str, time: float) -> bool:
+        """Whether what the arm does at a time [s], of a kind, is to be said then; if so, it counts as said."""
+        if kind != self._kind:
+            self._kind, self._since, self._known = kind, time, False
+        lasts = not self._known and time - self._since >= _LASTING
+        if not lasts and time - self._said < _SAID_EVERY:
+            return False
+        self._said, self._known = time, True
+        return True
+
+
 def send_goal(
     goal: Goal,
     ros_arguments: Sequence[str] = (),
@@ -241,15 +262,11 @@ class _Sender:
 
     def _follow(self, accepted: _Status) -> float:
         """Say what the arm does until it has arrived; the time [s] of the planner's clock that this took."""
-        doing, since, said, moved = "", accepted.stamp, -np.inf, time.monotonic()
-        status = accepted
+        talk, moved, status = Talk(accepted.stamp), time.monotonic(), accepted
         while not status.has_arrived:
             self._check(status, accepted.goal_number)
             kind, words = status.doing
-            if kind != doing:
-                doing, since, said = kind, status.stamp, -np.inf
-            elif status.stamp - since >= _LASTING and status.stamp - said >= _SAID_EVERY:
-                said = status.stamp
+            if talk.is_due(kind, status.stamp):
                 self._said(words)
             if not status.stands:
                 moved = time.monotonic()
