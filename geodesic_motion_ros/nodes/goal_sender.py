@@ -141,18 +141,18 @@ class _Status:
         return self.text.partition(":")[0] + self.mode, f"{self.mode or Mode.HOLDING.value}: {self.text}"
 
 
-class Talk:
-    """Decides when it is said what the arm does: once that has lasted for a moment, and again and again, however fast
-    one reason follows the other.
+class ProgressReport:
+    """Decides when a user reads what the arm does: once that has lasted for half a second, and every five seconds.
 
-    begin : when the goal was accepted [s].
+    So a user reads something also where what the arm does changes faster than that. begin : when the goal was accepted
+    [s].
     """
 
     def __init__(self, begin: float) -> None:
         self._kind, self._since, self._said, self._known = "", begin, begin, True
 
-    def is_due(self, kind: str, time: float) -> bool:
-        """Whether what the arm does at a time [s], of a kind, is to be said then; if so, it counts as said."""
+    def take(self, kind: str, time: float) -> bool:
+        """Take note of the kind of what the arm does at a time [s]; returns whether the user is to read it now."""
         if kind != self._kind:
             self._kind, self._since, self._known = kind, time, False
         lasts = not self._known and time - self._since >= _LASTING
@@ -262,11 +262,11 @@ class _Sender:
 
     def _follow(self, accepted: _Status) -> float:
         """Say what the arm does until it has arrived; the time [s] of the planner's clock that this took."""
-        talk, moved, status = Talk(accepted.stamp), time.monotonic(), accepted
+        report, moved, status = ProgressReport(accepted.stamp), time.monotonic(), accepted
         while not status.has_arrived:
             self._check(status, accepted.goal_number)
             kind, words = status.doing
-            if talk.is_due(kind, status.stamp):
+            if report.take(kind, status.stamp):
                 self._said(words)
             if not status.stands:
                 moved = time.monotonic()

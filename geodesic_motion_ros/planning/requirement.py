@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 
 from geodesic_motion_ros.obstacles.obstacles import Obstacles
 from geodesic_motion_ros.planning import settings as constants
+from geodesic_motion_ros.planning.mode import Purpose
 from geodesic_motion_ros.planning.settings import PlannerSettings
 
 
@@ -57,11 +58,6 @@ class Requirement:
         """The requirement of a motion that has to be free until a time [s] of it, and no longer."""
         return replace(self, horizon=time)
 
-    @property
-    def going_on(self) -> Requirement:
-        """The requirement of a motion that is being played already: to pass narrowly is better than to stop there."""
-        return replace(self, certified=NO_CONTACT)
-
 
 @dataclass(frozen=True)
 class Requirements:
@@ -89,6 +85,16 @@ class Requirements:
     stop: Requirement
     later_stop: Margin
 
+    def to_go_on(self, purpose: Purpose, optimistic: bool) -> Requirement:
+        """The requirement of a motion that is followed already, but of a stop: no contact, as to pass an obstacle
+        narrowly is better than to stop there.
+        """
+        begun = {
+            Purpose.GOAL: self.optimistic if optimistic else self.goal, Purpose.EVASION: self.evasion,
+            Purpose.APPROACH: self.approach,
+        }[purpose]  # fmt: skip
+        return replace(begun, certified=NO_CONTACT)
+
     @classmethod
     def of(cls, settings: PlannerSettings) -> Requirements:
         """The requirements with a user's settings."""
@@ -97,7 +103,7 @@ class Requirements:
         goal = Requirement(Margin(margin, 0.5), Margin(moving, 0.5), horizon)
         evasion = Requirement(Margin(moving), NO_CONTACT, horizon, stands_after=False)
         soon = min(constants.EVASION_DISPLACED_WITHIN, 0.5 * horizon)
-        # Two thirds of what the search keeps: in that share the certificate may come nearer.
+        # Where the present clearance is less, too, the certificate requires two thirds of what the search keeps.
         nearer = constants.DYNAMIC_MARGIN_FACTOR / constants.APPROACH_MARGIN_FACTOR
         approached = Margin(constants.APPROACH_MARGIN_FACTOR * margin, 0.99)
         return cls(

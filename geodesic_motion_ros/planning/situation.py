@@ -197,14 +197,9 @@ class Situation:
 
     @property
     def _required_to_go_on(self) -> Requirement:
-        """What is required of what is being followed, and of it slowed down."""
-        followed, requirements = self.followed, self.requirements
-        assert followed is not None
-        if followed.purpose is Purpose.GOAL:
-            required = requirements.optimistic if followed.optimistic else requirements.goal
-        else:
-            required = requirements.evasion if followed.purpose is Purpose.EVASION else requirements.approach
-        return required.going_on
+        """The requirement of what is being followed, and of it slowed down."""
+        assert self.followed is not None
+        return self.requirements.to_go_on(self.followed.purpose, self.followed.optimistic)
 
     def require_a_stop(self, plan: Plan) -> Plan:
         """A plan, or its refusal where it does not leave a stop (`leaves_a_stop`)."""

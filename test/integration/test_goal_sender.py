@@ -26,7 +26,7 @@ from geodesic_motion_ros.nodes.goal_sender import (
     JointGoal,
     NoPlannerError,
     PoseGoal,
-    Talk,
+    ProgressReport,
     send_goal,
 )
 from geodesic_motion_ros.nodes.messages import read_joint_positions, read_pose
@@ -175,15 +175,15 @@ def test_where_no_planner_is_there_it_gives_up_and_says_so(bench, goal, clock):
 
 def test_what_lasts_is_said_soon_and_what_changes_all_the_time_now_and_then() -> None:
     times = np.arange(0.1, 12.0, 0.1)
-    steady = Talk(0.0)
-    said = [float(time) for time in times if steady.is_due("waiting", time)]
+    steady = ProgressReport(0.0)
+    said = [float(time) for time in times if steady.take("waiting", time)]
     np.testing.assert_allclose(said, [0.6, 5.6, 10.6], atol=1e-9)
-    changing = Talk(0.0)
-    said = [float(time) for number, time in enumerate(times) if changing.is_due(f"reason {number // 3 % 2}", time)]
+    changing = ProgressReport(0.0)
+    said = [float(time) for number, time in enumerate(times) if changing.take(f"reason {number // 3 % 2}", time)]
     np.testing.assert_allclose(said, [5.0, 10.0], atol=1e-9)
     # What begins is not said for a moment, though the last word is not long ago.
-    assert not steady.is_due("moving", 12.0)
-    assert steady.is_due("moving", 12.5)
+    assert not steady.take("moving", 12.0)
+    assert steady.take("moving", 12.5)
 
 
 def test_an_arm_that_stands_is_not_waited_for_for_ever_and_the_reason_is_said(bench, options, goal, clock):

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from geodesic_motion_ros.obstacles.obstacles import Obstacles
+from geodesic_motion_ros.planning.mode import Purpose
 from geodesic_motion_ros.planning.requirement import Margin, Requirement, Requirements
 from geodesic_motion_ros.planning.settings import ATTEMPTS, PlannerSettings
 
@@ -77,10 +78,19 @@ def test_what_is_nearer_than_a_margin_may_stay_so_and_no_more(present: float) ->
 
 
 def test_a_margin_is_required_among_what_moves_and_not_to_go_on() -> None:
-    required = Requirements.of(replace(SETTINGS, obstacle_margin=0.005)).goal
+    requirements = Requirements.of(replace(SETTINGS, obstacle_margin=0.005))
+    required = requirements.goal
     standing = Obstacles.of_spheres(np.zeros((1, 3)), np.array([0.1]))
     moving = Obstacles.of_spheres(np.zeros((1, 3)), np.array([0.1]), np.array([[0.1, 0.0, 0.0]]))
     assert required.margin(moving) == 0.01
     assert required.margin(moving, 0.01) == 0.005
-    assert required.margin(standing) == required.going_on.margin(moving) == 0.0
+    assert required.margin(standing) == 0.0
+    for purpose, begun in (
+        (Purpose.GOAL, requirements.goal), (Purpose.EVASION, requirements.evasion),
+        (Purpose.APPROACH, requirements.approach),
+    ):  # fmt: skip
+        going_on = requirements.to_go_on(purpose, optimistic=False)
+        assert going_on.margin(moving) == 0.0
+        assert (going_on.horizon, going_on.stands_after) == (begun.horizon, begun.stands_after)
+    assert not requirements.to_go_on(Purpose.GOAL, optimistic=True).stands_after
     assert required.until(0.3).horizon == 0.3

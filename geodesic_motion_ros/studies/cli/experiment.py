@@ -123,9 +123,9 @@ def _all(arguments: argparse.Namespace) -> None:
     together = [name for name in names if name not in timed]
     cores = len(os.sched_getaffinity(0))
     for name in names:
-        _folder(_of_default(name, arguments))
+        _folder(_arguments_of(name, arguments))
     for several, beside in ((together, cores), (timed, 1)):
-        for row in _each(several, beside, arguments):
+        for row in _run_beside(several, beside, arguments):
             rows.append(row)
             said = f"failed: {row['error']}" if row["error"] else "done"
             print(f"[{len(rows)}/{len(names)}] {row['experiment']} {said} in {row['seconds']:.0f} s", flush=True)
@@ -142,14 +142,14 @@ def _all(arguments: argparse.Namespace) -> None:
         raise ExperimentError(f"{len(failed)} of {len(rows)} experiments failed: {', '.join(failed)}")
 
 
-def _each(names: Sequence[str], beside: int, arguments: argparse.Namespace) -> Iterator[dict[str, Any]]:
+def _run_beside(names: Sequence[str], beside: int, arguments: argparse.Namespace) -> Iterator[dict[str, Any]]:
     """Run studies in processes of their own, at most so many beside one another; a row for each that has ended."""
     waiting, running = deque(names), {}
     try:
         while waiting or running:
             while waiting and len(running) < beside:
                 name = waiting.popleft()
-                process = get_context("fork").Process(target=_default, args=(name, arguments))
+                process = get_context("fork").Process(target=_run_default, args=(name, arguments))
                 process.start()
                 running[process.sentinel] = name, process, time.monotonic()
             for ended in wait(running):
@@ -164,21 +164,20 @@ def _each(names: Sequence[str], beside: int, arguments: argparse.Namespace) -> I
             process.join()
 
 
-def _default(name: str, arguments: argparse.Namespace) -> None:
-    """Run a study with its default settings; what it prints goes to log.txt in its folder, an error in the last line.
-    """
+def _run_default(name: str, arguments: argparse.Namespace) -> None:
+    """Run a study with its default settings; its output goes to log.txt in its folder, an error in the last line."""
     with _log(arguments, name).open("w", buffering=1) as log, redirect_stdout(log), redirect_stderr(log):
         for output in (1, 2):  # of processes that the study starts
             os.dup2(log.fileno(), output)
         try:
-            _run(_of_default(name, arguments), _seeded(STUDIES[name].load()(), arguments.seeds_from))
+            _run(_arguments_of(name, arguments), _seeded(STUDIES[name].load()(), arguments.seeds_from))
         except Exception as failure:
             traceback.print_exc()
             print(" ".join(f"{type(failure).__name__}: {failure}".split()))
             sys.exit(1)
 
 
-def _of_default(name: str, arguments: argparse.Namespace) -> argparse.Namespace:
+def _arguments_of(name: str, arguments: argparse.Namespace) -> argparse.Namespace:
     """The arguments of one of all experiments."""
     return argparse.Namespace(experiment=name, out=arguments.out, json=None)
 
