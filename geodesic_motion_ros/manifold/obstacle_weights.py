@@ -115,6 +115,11 @@ class NodeEvaluation(NamedTuple):
             np.empty(nodes),
         )  # fmt: skip
 
+    def copied(self) -> NodeEvaluation:
+        """The same nodes evaluated; what is evaluated from now on is written to one of both alone."""
+        names = ("evaluated", "factors", "affected", "clearance")
+        return self._replace(**{name: getattr(self, name).copy() for name in names})
+
     def is_felt(self, margin: float) -> bool:
         """Whether obstacles affect a node that was evaluated, or leave it less clearance than a margin [m]."""
         nodes = np.flatnonzero(self.evaluated)

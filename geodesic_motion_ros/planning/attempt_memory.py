@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 
 from geodesic_motion_ros.obstacles.obstacles import Obstacles
-from geodesic_motion_ros.planning.approach import ApproachSearch
 from geodesic_motion_ros.planning.detour import Detour, DetourRequest
 from geodesic_motion_ros.planning.detour_worker import DetourJob
-from geodesic_motion_ros.planning.evasion import FailedEvasion, is_searched
+from geodesic_motion_ros.planning.evasion import is_searched
 from geodesic_motion_ros.planning.mission import Query
 from geodesic_motion_ros.planning.plan import Plan
+from geodesic_motion_ros.planning.retry import Asked, Question, Workings
 from geodesic_motion_ros.planning.settings import Attempt
 from geodesic_motion_ros.planning.situation import Situation
 from geodesic_motion_ros.planning.solver import Solver
@@ -24,15 +25,14 @@ class Blocked:
 
     Attributes
     ----------
-    query : the query that was attempted last. origin : the query on which the arm stopped; other queries, for the same
-        goal, are attempted in its place.
-    attempts : those that were made with `query` among `obstacles`; verdict : of the last of them.
+    question : about the query that was attempted last. origin : the query on which the arm stopped; other queries, for
+        the same goal, are attempted in its place.
+    attempts : those that were made with the question; verdict : of the last of them.
     unfinished : whether one of the attempts, with this query or one before it, was out of time.
     """
 
-    query: Query
+    question: Question
     origin: Query
-    obstacles: Obstacles
     attempts: frozenset[Attempt]
     verdict: Verdict
     unfinished: bool = False
@@ -52,13 +52,13 @@ class DetourSearch:
     def found(self, request: DetourRequest) -> Detour | None:
         """The detour of the job, where it serves a request: from and to the same, no farther off than that allows."""
         detour = self.job.result
-        if not isinstance(detour, Detour) or not self.request.is_between_same(request):
+        if not isinstance(detour, Detour) or not self.request.question.holds_there(request.question):
             return None
         return detour if self.request.reach <= request.reach or detour.displacement <= request.reach else None
 
     def reason(self, request: DetourRequest, now: float) -> str:
         """Why there is no detour for a request at `now` [s]; "" where that is not known."""
-        if not self.request.is_same(request) or not self.job.done(now):
+        if not self.request.question.holds_for(request.question) or not self.job.done(now):
             return ""
         return self.refusal if isinstance(self.job.result, Detour) else self.job.result
 
@@ -72,30 +72,30 @@ class AttemptMemory:
     without_path : the query for which the last search found no path; None: it found one. refusal : why it found none.
     attempted : the number of the last attempt with that query (`chosen_attempts`).
     blocked : the attempts that need not be repeated; None: obstacles have moved since, or the arm follows a path.
-    last_failed_evasion : the last search of an evasion path that found none.
+    asked : the last searches of evasions that found none, and of approaches, by the names of their requirements.
     blocked_since : since when the arm has had no path [s].
-    detour, approach : the last ones that were searched.
+    detour : the last one that was searched.
+    workings : of all searches.
     """
 
     without_path: Query | None = None
     refusal: Verdict | None = None
     attempted: int = 0
     blocked: Blocked | None = None
-    last_failed_evasion: FailedEvasion = field(default_factory=FailedEvasion)
+    asked: Mapping[str, Asked] = field(default_factory=dict)
     blocked_since: float = math.inf
     detour: DetourSearch | None = None
-    approach: ApproachSearch | None = None
+    workings: Workings = field(default_factory=Workings)
 
     def still_blocked(self, query: Query, obstacles: Obstacles) -> Blocked | None:
         """The attempts with a query that need not be repeated, where nothing has changed since; None elsewhere."""
         blocked = self.blocked
-        if blocked is None or blocked.query is not query or not blocked.obstacles.is_static_and_unchanged(obstacles):
-            return None
-        return blocked
+        return blocked if blocked is not None and blocked.question.holds_for(Question(query, obstacles)) else None
 
     def origin(self, query: Query) -> Query:
         """The query on which the arm stopped, where a query is attempted in its place; else the query itself."""
-        return self.blocked.origin if self.blocked is not None and self.blocked.query is query else query
+        blocked = self.blocked
+        return blocked.origin if blocked is not None and blocked.question.about is query else query
 
     def chosen_attempts(
         self, solver: Solver, query: Query, situation: Situation
@@ -114,7 +114,7 @@ class AttemptMemory:
         """
         if query is not self.without_path:
             return solver.attempts, replace(self, attempted=len(solver.attempts) - 1)
-        if self.refusal is not None and is_searched(self.refusal, situation, self.last_failed_evasion):
+        if self.refusal is not None and is_searched(query, self.refusal, situation, self.asked):
             return (), self
         blocked = self.refusal is not None and self.refusal.code is VerdictCode.NO_FEASIBLE_PATH
         tried = solver.attempts if blocked and not situation.expected.is_static else solver.cautious
@@ -131,12 +131,13 @@ class AttemptMemory:
         still, out_of_time = None, plan.verdict.code is VerdictCode.DEADLINE_MISSED
         without = out_of_time or plan.verdict.code is VerdictCode.NO_FEASIBLE_PATH
         if without and situation.expected.is_static and situation.at_rest:
-            before = blocked or Blocked(query, query, situation.obstacles, frozenset(), plan.verdict)
+            question = Question(query, situation.obstacles)
+            before = blocked or Blocked(question, query, frozenset(), plan.verdict)
             # The first time all attempts share a tick, and its deadline; later each attempt has a tick of its own.
             shared = out_of_time and query is not self.without_path
             tried = before.attempts if shared else before.attempts.union(attempts)
             unfinished = before.unfinished or (out_of_time and not shared)
-            still = Blocked(query, before.origin, situation.obstacles, tried, plan.verdict, unfinished)
+            still = Blocked(question, before.origin, tried, plan.verdict, unfinished)
         if plan.trajectory is not None:
             return replace(self, without_path=None, blocked=still, blocked_since=math.inf, detour=None)
         since = min(self.blocked_since, situation.now)
@@ -148,8 +149,8 @@ class AttemptMemory:
             return self
         return replace(self, blocked=replace(self.blocked, unfinished=True))
 
-    def after_approach(self, search: ApproachSearch | None, found: bool) -> AttemptMemory:
+    def after_approach(self, asked: Mapping[str, Asked], found: bool) -> AttemptMemory:
         """The memory after an approach was searched; found : there is one, and the arm leaves where it was blocked."""
         if not found:
-            return replace(self, approach=search)
-        return replace(self, approach=search, blocked=None, detour=None)
+            return replace(self, asked=asked)
+        return replace(self, asked=asked, blocked=None, detour=None)

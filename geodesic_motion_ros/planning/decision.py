@@ -28,7 +28,8 @@ from geodesic_motion_ros.planning.guarded_arm import GuardedArm
 from geodesic_motion_ros.planning.mission import Goal, Mission, Query
 from geodesic_motion_ros.planning.mode import Purpose
 from geodesic_motion_ros.planning.plan import Plan
-from geodesic_motion_ros.planning.played import TIME_ROUNDING, Followed, Step
+from geodesic_motion_ros.planning.played import Followed, Step
+from geodesic_motion_ros.planning.retry import TIME_ROUNDING, Asked, Question
 from geodesic_motion_ros.planning.search import KnownPaths
 from geodesic_motion_ros.planning.settings import Attempt
 from geodesic_motion_ros.planning.situation import Situation
@@ -63,6 +64,11 @@ class Decider:
 
     def decide(self) -> Decision:
         """The decision of this tick, stage by stage (see the module): 1 and 2 with a path, 3 to 7 without one."""
+        memory = replace(self.memory, workings=self.memory.workings.copied())
+        return replace(self, memory=memory)._decided()
+
+    def _decided(self) -> Decision:
+        """The decision, with workings that are this tick's own."""
         situation, memory, query = self.situation, self.memory, self.mission.query
         if self.mission.active is None:
             stop = situation.stopped(Verdict(VerdictCode.NO_GOAL, "no goal has been given"))
@@ -82,7 +88,7 @@ class Decider:
         followed = situation.free_path(query)
         if followed is None:
             return self._without_path(query, goal)
-        if not followed.is_due(situation.now):
+        if not followed.is_due(situation.obstacles, situation.now):
             # Stage 1, keep: the rest of the path is free, and so is a stop a moment later.
             return Decision(situation.answered(followed.verdict, followed), query, memory)
         return self._improved(query, followed)
@@ -110,7 +116,7 @@ class Decider:
             return False
         if not self.situation.settings.avoidance:
             return True
-        return followed.obstacles is not None and followed.obstacles.is_static_and_unchanged(self.situation.obstacles)
+        return followed.is_certified_among(self.situation.obstacles)
 
     def _improved(self, query: Query, followed: Followed) -> Decision:
         """Stage 2, another path, where the search finds one that is a gain; else stage 1, keep."""
@@ -118,7 +124,9 @@ class Decider:
         plan = self._solved(query, attempts, followed.known, situation.longest_worthwhile(followed))
         if not situation.handover_deadline.passed and situation.gains(plan, followed):
             return self._taken(query, plan, self.memory.after(plan, query, None, attempts, situation))
-        updated = replace(followed, obstacles=situation.obstacles, searched=situation.now)
+        in_time = plan.verdict.code is not VerdictCode.DEADLINE_MISSED
+        asked = Asked(Question(query, situation.obstacles), situation.now, in_time)
+        updated = replace(followed, asked=asked)
         if plan.trajectory is not None or not plan.verdict.ok:
             updated = replace(updated, rejected=plan.path)
         return Decision(situation.answered(updated.verdict, updated), query, self.memory)
@@ -202,14 +210,14 @@ class Decider:
                 return Decision(step or situation.stopped(plan.verdict), query, memory.interrupted(plan.verdict))
         if step is None:
             # Stage 5, evade.
-            step, failed = evaded(solver, query, plan.verdict, situation, memory.last_failed_evasion)
-            memory = replace(memory, last_failed_evasion=failed)
+            step, asked = evaded(solver, query, plan.verdict, situation, memory.asked, memory.workings)
+            memory = replace(memory, asked=asked)
         if (step is None or step.plan.trajectory is None) and memory.origin(query) is query:
             # Stage 6, approach.
-            nearer, search = approached(solver, query, plan.verdict, situation, memory.approach)
-            if search is memory.approach and (situation.deadline.passed or situation.handover_deadline.passed):
+            nearer, asked = approached(solver, query, plan.verdict, situation, memory.asked)
+            if asked is memory.asked and (situation.deadline.passed or situation.handover_deadline.passed):
                 memory = memory.interrupted(plan.verdict)
-            memory = memory.after_approach(search, nearer is not None)
+            memory = memory.after_approach(asked, nearer is not None)
             step = nearer or step
         # Stage 7, stop, where no stage before has a step.
         return Decision(step or situation.stopped(plan.verdict), query, memory)
@@ -224,7 +232,8 @@ class Decider:
     ) -> Plan:
         situation, solve = self.situation, self.arm.solver.solve
         plan = solve(
-            query, situation.state, situation.expected, attempts, situation.deadline, known, longest, refusal
+            query, situation.state, situation.expected, attempts, situation.deadline, known, longest, refusal,
+            self.memory.workings,
         )  # fmt: skip
         return situation.require_a_stop(plan)
 
@@ -252,7 +261,7 @@ class Decider:
         searching = self._searched_again(query, goal)
         if searching.step.plan.trajectory is not None:
             return searching
-        if search is not None and search.request.is_same(request):
+        if search is not None and search.request.question.holds_for(request.question):
             return replace(searching, memory=replace(searching.memory, detour=search))
         since = min(memory.blocked_since, situation.unchanged_since)
         if now < since + situation.settings.patience - TIME_ROUNDING:

@@ -23,6 +23,7 @@ from geodesic_motion_ros.planning.detour_search import LatticePath, cheapest_det
 from geodesic_motion_ros.planning.mission import Goal, Query
 from geodesic_motion_ros.planning.path_smoothing import resample_latent, smooth_latent
 from geodesic_motion_ros.planning.plan import ArmQuery, MotionState, PathEnds, Plan
+from geodesic_motion_ros.planning.retry import Question
 from geodesic_motion_ros.planning.seen_volume import SeenVolume
 from geodesic_motion_ros.planning.solver import Solver
 from geodesic_motion_ros.trajectory.trajectory import interpolated
@@ -55,14 +56,10 @@ class DetourRequest:
     reach: float
     position: np.ndarray
 
-    def is_same(self, other: DetourRequest) -> bool:
-        """Whether another request has the same answer."""
-        unchanged = self.is_between_same(other) and self.obstacles.is_static_and_unchanged(other.obstacles)
-        return unchanged and self.reach == other.reach
-
-    def is_between_same(self, other: DetourRequest) -> bool:
-        """Whether another request is for the same place and the same goal."""
-        return self.goal is other.goal and np.array_equal(self.position, other.position)
+    @property
+    def question(self) -> Question:
+        """What the answer depends on."""
+        return Question(self.goal, self.obstacles, self.position, self.reach)
 
 
 @dataclass(frozen=True, eq=False)

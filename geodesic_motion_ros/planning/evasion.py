@@ -6,37 +6,32 @@ them is searched, and how long the arm goes on evading.
 
 from __future__ import annotations
 
-import math
-from dataclasses import dataclass, replace
+from collections.abc import Mapping
+from dataclasses import replace
 
 from geodesic_motion_ros.planning import settings as constants
 from geodesic_motion_ros.planning.mode import Purpose
 from geodesic_motion_ros.planning.plan import ArmQuery, Plan
-from geodesic_motion_ros.planning.played import TIME_ROUNDING, Followed, Step
+from geodesic_motion_ros.planning.played import Followed, Step
 from geodesic_motion_ros.planning.requirement import Requirement
+from geodesic_motion_ros.planning.retry import Asked, Question, Workings, is_due
 from geodesic_motion_ros.planning.situation import Situation
 from geodesic_motion_ros.planning.solver import Solver
 from geodesic_motion_ros.planning.status import Verdict, VerdictCode
 
-
-@dataclass(frozen=True)
-class FailedEvasion:
-    """The last search of an evasion path that found none: when [s], and for how long obstacles were expected to move on
-    [s].
-    """
-
-    time: float = -math.inf
-    horizon: float = math.inf
-
-    def is_due_again(self, now: float, horizon: float) -> bool:
-        """Whether a search at `now` [s] may find a path: a while later, or with a shorter horizon [s]."""
-        return horizon < self.horizon or now >= self.time + constants.SEARCH_PERIOD - TIME_ROUNDING
+#: The names of the requirements of evasions, to a place on the graph and to one beside it.
+ON_GRAPH, BESIDE_GRAPH = "evasion", "beside_graph"
 
 
 def evaded(
-    solver: Solver, query: ArmQuery, verdict: Verdict, situation: Situation, last_failed: FailedEvasion
-) -> tuple[Step | None, FailedEvasion]:
-    """The step in which an arm without a path to its goal evades, and the last search that found no evasion path.
+    solver: Solver,
+    query: ArmQuery,
+    verdict: Verdict,
+    situation: Situation,
+    asked: Mapping[str, Asked],
+    workings: Workings,
+) -> tuple[Step | None, Mapping[str, Asked]]:
+    """The step in which an arm without a path to its goal evades, and the searches that were made.
 
     The step is None where no evasion path is found, or none is needed: then the arm stops along its path. An arm that
     evades already, and is free where it leads, goes on.
@@ -44,56 +39,59 @@ def evaded(
     Parameters
     ----------
     verdict : why there is no path for the query; the plan's verdict states the same, and that the arm evades.
-    last_failed : the last search that found no evasion path before this tick.
+    asked : the searches that were made before this tick and found nothing, by the names of their requirements.
     """
-    free, required = _assessed(verdict, situation, last_failed)
+    free, required = _assessed(query, verdict, situation, asked)
     while required is not None:
         state, obstacles, deadline = situation.state, situation.expected, situation.deadline
-        if required == situation.requirements.beside_graph:
+        if required == BESIDE_GRAPH:
             plan = solver.evade_displaced(query, state, obstacles, situation.reach, deadline)
         else:
-            plan = solver.evade(query, state, obstacles, situation.stop.reference, deadline)
+            plan = solver.evade(query, state, obstacles, situation.stop.reference, workings, deadline)
         if plan is not None:
-            return _taken(query, plan, verdict, situation), last_failed
+            return _taken(query, plan, verdict, situation), asked
         if deadline.passed:
             # A path that was not found for want of time is searched again in the next tick.
-            return None, last_failed
-        last_failed = FailedEvasion(situation.now, required.horizon)
-        free, required = _assessed(verdict, situation, last_failed)
+            return None, asked
+        asked = {**asked, required: Asked(Question(query, situation.obstacles), situation.now)}
+        free, required = _assessed(query, verdict, situation, asked)
     evading = situation.followed is not None and situation.followed.purpose is Purpose.EVASION
-    return situation.answered(verdict) if free and evading else None, last_failed
+    return situation.answered(verdict) if free and evading else None, asked
 
 
-def is_searched(verdict: Verdict, situation: Situation, last_failed: FailedEvasion) -> bool:
+def is_searched(query: ArmQuery, verdict: Verdict, situation: Situation, asked: Mapping[str, Asked]) -> bool:
     """Whether an evasion path is searched in this tick: not by an arm that approaches, as long as it can go on, nor
     where no time is left. The search takes about as long as an attempt at a path to the goal.
     """
     approaching = situation.followed is not None and situation.followed.purpose is Purpose.APPROACH
     if approaching or situation.deadline.passed or situation.handover_deadline.passed:
         return False
-    return _assessed(verdict, situation, last_failed)[1] is not None
+    return _assessed(query, verdict, situation, asked)[1] is not None
 
 
-def _assessed(verdict: Verdict, situation: Situation, last_failed: FailedEvasion) -> tuple[bool, Requirement | None]:
-    """Whether an arm without a path needs no evasion, and the requirement of one that is searched now.
+def _assessed(
+    query: ArmQuery, verdict: Verdict, situation: Situation, asked: Mapping[str, Asked]
+) -> tuple[bool, str | None]:
+    """Whether an arm without a path needs no evasion, and the name of the requirement of one that is searched now.
 
     | answer | meaning |
     |---|---|
     | True, None | no obstacle meets the arm where it stops or stands |
-    | False, `evasion` | search a place on the graph |
-    | False, `beside_graph` | that has just failed: search a place beside the graph, if the arm may leave it |
+    | False, ON_GRAPH | search a place on the graph |
+    | False, BESIDE_GRAPH | that has just failed: search a place beside the graph, if the arm may leave it |
     | False, None | both have just failed, or evasion is no answer to this verdict: search nothing now |
     """
     settings = situation.settings
     blocked = verdict.code is VerdictCode.NO_FEASIBLE_PATH
     if not (blocked and settings.avoidance) or situation.obstacles.is_static:
         return False, None
-    requirements = situation.requirements
-    for required in (requirements.evasion, *((requirements.beside_graph,) if situation.reach > 0.0 else ())):
+    question = Question(query, situation.obstacles)
+    for name in (ON_GRAPH, BESIDE_GRAPH) if situation.reach > 0.0 else (ON_GRAPH,):
+        required: Requirement = getattr(situation.requirements, name)
         if situation.meets_without_evasion(required):
             return True, None
-        if last_failed.is_due_again(situation.now, required.horizon):
-            return False, required
+        if is_due(asked.get(name), question, situation.now, constants.SEARCH_PERIOD):
+            return False, name
     return False, None
 
 

@@ -10,7 +10,6 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from functools import cached_property
-from typing import NamedTuple
 
 import numpy as np
 
@@ -27,9 +26,6 @@ from geodesic_motion_ros.robot.limits import JointLimits
 from geodesic_motion_ros.trajectory.limited_tool import LimitedTool
 from geodesic_motion_ros.trajectory.timing import timed_joint_reference
 from geodesic_motion_ros.trajectory.trajectory import JointReference
-
-#: Motions from one state that are remembered, at most.
-_MOST_REMEMBERED = 32
 
 
 @dataclass(frozen=True)
@@ -52,22 +48,8 @@ class TimedPath:
         return self.certifier.swept(self.reference)
 
 
-class _Kept(NamedTuple):
-    """The motions timed for one query from one state of motion: an arm that waits finds the same paths each time."""
-
-    query: ArmQuery
-    state: MotionState
-    timed: dict[tuple[bytes, bool, float], TimedPath]
-
-    def is_of(self, query: ArmQuery, state: MotionState) -> bool:
-        names = ("position", "velocity", "acceleration")
-        return self.query is query and all(
-            np.array_equal(getattr(self.state, name), getattr(state, name)) for name in names
-        )
-
-
 class PathTimer:
-    """Times paths through one graph, for any thread; remembers those of the newest query and state."""
+    """Times paths through one graph, for any thread."""
 
     def __init__(
         self,
@@ -82,24 +64,11 @@ class PathTimer:
         factor = constants.TOOL_SMOOTHING_FACTOR if isinstance(graph, PoseGraph) else 1.0
         self._joint_width = factor * self._width
         self._limits, self._tool, self._certifier = limits, tool, certifier
-        self._kept: _Kept | None = None
 
     def timed(
         self, query: ArmQuery, state: MotionState, path: LatentPath, to_goal: bool, longest: float
     ) -> TimedPath:
-        """The motion along a path, timed once while nothing that it depends on changes."""
-        kept = self._kept
-        if kept is None or not kept.is_of(query, state) or len(kept.timed) >= _MOST_REMEMBERED:
-            kept = self._kept = _Kept(query, state, {})
-        key = (path.polyline.tobytes(), to_goal, longest)
-        if key not in kept.timed:
-            kept.timed[key] = self._timed_anew(query, state, path, to_goal, longest)
-        return kept.timed[key]
-
-    def _timed_anew(
-        self, query: ArmQuery, state: MotionState, path: LatentPath, to_goal: bool, longest: float
-    ) -> TimedPath:
-        """Time the configurations along it (`joint_curve`)."""
+        """The motion along a path, by its configurations (`joint_curve`)."""
         latent, found = self.joint_curve(query, state.position, path, to_goal)
         if isinstance(found, str):
             return TimedPath(latent, self._certifier, found)

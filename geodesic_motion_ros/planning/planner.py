@@ -13,7 +13,6 @@ A tick works out its `Situation` once, decides without changing anything (`decis
 from __future__ import annotations
 
 import copy
-import math
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
@@ -386,9 +385,8 @@ class ReactivePlanner:
         if followed is not None:
             same = query if followed.query is prepared.before and query is not None else followed.query
             outdated = followed.outdated or solver.settings != before.settings
-            searched = -math.inf if outdated else followed.searched
             self._stream.followed = replace(
-                followed, query=same, obstacles=None, path=None, rejected=None, searched=searched, outdated=outdated
+                followed, query=same, asked=None, path=None, rejected=None, outdated=outdated
             )
         names = ", ".join(held.name for held in self.held)
         return Verdict(VerdictCode.OK, f"holding {names or 'nothing'}")

@@ -15,6 +15,7 @@ from geodesic_motion_ros.planning import settings as constants
 from geodesic_motion_ros.planning.certificate import ArmCertifier, JudgedTrajectory, SweptArm
 from geodesic_motion_ros.planning.mode import Purpose
 from geodesic_motion_ros.planning.plan import ArmQuery, MotionState, Plan
+from geodesic_motion_ros.planning.retry import TIME_ROUNDING, Asked, Question, is_due
 from geodesic_motion_ros.planning.search import KnownPaths, LatentPath
 from geodesic_motion_ros.planning.status import Verdict
 from geodesic_motion_ros.robot.limits import JointLimits
@@ -22,8 +23,6 @@ from geodesic_motion_ros.trajectory.trajectory import SAME_TIME, JointReference
 
 #: Two knots are no nearer to each other than this [s].
 _SHORTEST_INTERVAL = 1e-3
-#: Two times [s] that differ by less are the same.
-TIME_ROUNDING = 1e-6
 
 
 @dataclass(frozen=True)
@@ -88,8 +87,8 @@ class Followed:
     ----------
     purpose : what the motion is for.
     verdict : that of the plan, with the present clearance.
-    obstacles : those among which the trajectory was last certified; None: it has to be certified anew.
-    searched : when a path was last searched [s].
+    asked : the last search of a path, among the obstacles for which the motion is certified; None: it has to be
+        searched, and certified, anew.
     path, optimistic : as of `Plan`.
     remaining : how much of the path to a covered goal an approach leaves [m]; inf with every other purpose.
     rejected : the last path that was no gain over this one.
@@ -100,8 +99,7 @@ class Followed:
     query: ArmQuery
     purpose: Purpose
     verdict: Verdict
-    obstacles: Obstacles | None
-    searched: float
+    asked: Asked | None
     path: LatentPath | None = None
     optimistic: bool = False
     remaining: float = math.inf
@@ -120,16 +118,21 @@ class Followed:
         remaining: float = math.inf,
     ) -> Followed:
         """A plan that was made among obstacles at `now` [s], and is followed from now on."""
-        return cls(query, purpose, plan.verdict, obstacles, now, plan.path, plan.optimistic, remaining)
+        asked = Asked(Question(query, obstacles), now)
+        return cls(query, purpose, plan.verdict, asked, plan.path, plan.optimistic, remaining)
 
     @property
     def known(self) -> KnownPaths | None:
         """Paths that are no gain where the search finds them again."""
         return None if self.path is None else KnownPaths(self.path, self.rejected)
 
-    def is_due(self, now: float) -> bool:
-        """Whether a better path is to be searched at a time [s]."""
-        return now >= self.searched + constants.SEARCH_PERIOD - TIME_ROUNDING
+    def is_certified_among(self, obstacles: Obstacles) -> bool:
+        """Whether the motion needs no new certificate: obstacles stand, and are those for which it was certified."""
+        return self.asked is not None and self.asked.question.holds_for(Question(self.query, obstacles))
+
+    def is_due(self, obstacles: Obstacles, now: float) -> bool:
+        """Whether a better path is to be searched among obstacles at a time [s]."""
+        return is_due(self.asked, Question(self.query, obstacles), now, constants.SEARCH_PERIOD)
 
 
 @dataclass(frozen=True)

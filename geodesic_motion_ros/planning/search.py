@@ -174,6 +174,10 @@ class BegunSearch:
         """Whether the evaluation is of a body among obstacles."""
         return self.evaluation.body is body and self.obstacles.is_static_and_unchanged(obstacles)
 
+    def copied(self) -> BegunSearch:
+        """The same, for another search to go on with: what that evaluates is not written here."""
+        return replace(self, evaluation=self.evaluation.copied())
+
 
 class MarginSearch:
     """Finds the cheapest path with several margins, and searches each of them once."""

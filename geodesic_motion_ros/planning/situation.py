@@ -21,6 +21,7 @@ from geodesic_motion_ros.planning.mode import Mode, Purpose
 from geodesic_motion_ros.planning.plan import ArmQuery, MotionState, Plan
 from geodesic_motion_ros.planning.played import Followed, PlayedTrajectory, Step
 from geodesic_motion_ros.planning.requirement import Requirement, Requirements
+from geodesic_motion_ros.planning.retry import Question
 from geodesic_motion_ros.planning.settings import PlannerSettings
 from geodesic_motion_ros.planning.status import Verdict, VerdictCode
 from geodesic_motion_ros.robot.limits import JointLimits
@@ -312,9 +313,10 @@ class Situation:
         plan = Plan(self.certifier.judged(slower, certificate), self.state.time, verdict)
         if not self._plan_leaves_a_stop(plan, self._played_limits):
             return None
-        return self.handed_out(
-            plan, replace(followed, verdict=verdict, obstacles=self.obstacles, slowed=self.limits), followed
-        )
+        asked = followed.asked
+        if asked is not None:
+            asked = replace(asked, question=Question(followed.query, self.obstacles))
+        return self.handed_out(plan, replace(followed, verdict=verdict, asked=asked, slowed=self.limits), followed)
 
     def stopped(self, verdict: Verdict, followed: Followed | None = None) -> Step:
         """The step in which the arm begins the soonest stop; an arm that stops already, or rests, goes on doing so.

@@ -27,6 +27,7 @@ from geodesic_motion_ros.planning.path_timer import PathTimer, TimedPath, meetin
 from geodesic_motion_ros.planning.plan import Approach, ArmQuery, MotionState, PathEnds, Plan
 from geodesic_motion_ros.planning.pose_query import Pose
 from geodesic_motion_ros.planning.requirement import Requirement, Requirements
+from geodesic_motion_ros.planning.retry import Workings
 from geodesic_motion_ros.planning.search import (
     NO_NODE_REMOVED,
     BegunSearch,
@@ -52,8 +53,8 @@ _LARGEST_MULTIPLE = max(attempt.multiple for attempt in constants.ATTEMPTS)
 
 
 class Solver:
-    """Plans single motions on one skill; any thread may call it, as no answer depends on one before: what a search that
-    was out of time has evaluated is kept for the next one among the same obstacles, which comes farther.
+    """Plans single motions on one skill; any thread may call it, as no call changes it. What a search has worked out
+    that the next one need not repeat is in the caller's `Workings`.
 
     Entry points, each of which times a path, certifies the motion and states a verdict:
 
@@ -86,7 +87,6 @@ class Solver:
         self.attempts = constants.ATTEMPTS
         self.certifier = ArmCertifier(robot, collision, self.scene)
         self._timer = PathTimer(graph, settings, limits, self.tool, self.certifier)
-        self._unfinished: BegunSearch | None = None
 
     @property
     def cautious(self) -> tuple[Attempt, ...]:
@@ -108,6 +108,7 @@ class Solver:
         known: KnownPaths | None = None,
         longest: float = math.inf,
         refusal: Verdict | None = None,
+        workings: Workings | None = None,
     ) -> Plan:
         """Search, refine, smooth, decode, time, certify: until an attempt is certified, or the deadline has passed.
 
@@ -115,15 +116,17 @@ class Solver:
         longest : a motion that takes as long as this [s] or longer is no gain, and is not certified.
         refusal : the verdict of earlier attempts; it is the answer where none of `attempts` is cautious, and none comes
             to a path.
+        workings : of searches before, and of this one; None: there are none.
         """
+        workings = workings or Workings()
         cautious, optimistic = _alike(attempts, False), _alike(attempts, True)
         if cautious or refusal is None:
-            plan = self._first_certified(query, state, obstacles, cautious, deadline, known, longest)
+            plan = self._first_certified(query, state, obstacles, cautious, deadline, known, longest, workings)
         else:
             plan = Plan(None, state.time, refusal)
         blocked = plan.trajectory is None and plan.verdict.code is VerdictCode.NO_FEASIBLE_PATH
         if blocked and optimistic and not obstacles.is_static and not deadline.passed:
-            other = self._first_certified(query, state, obstacles, optimistic, deadline, None, longest)
+            other = self._first_certified(query, state, obstacles, optimistic, deadline, None, longest, workings)
             if other.trajectory is not None:
                 return replace(other, optimistic=True)
         return plan
@@ -137,6 +140,7 @@ class Solver:
         deadline: Deadline,
         known: KnownPaths | None,
         longest: float,
+        workings: Workings,
     ) -> Plan:
         """`solve` with attempts that are all optimistic, or all cautious."""
         optimistic = attempts[0].optimistic
@@ -148,7 +152,7 @@ class Solver:
         if self._stands_at_goal(query, state):
             return self._staying(query, state, obstacles, requirement, ends)
         swept = avoided.static_subset if optimistic else avoided.swept(requirement.horizon)
-        search = self._search_among(query, state, swept, ends, deadline)
+        search = self._search_among(query, state, swept, ends, deadline, workings)
         verdict = Verdict(VerdictCode.NO_FEASIBLE_PATH)
         tried: set[bytes] = set()
         first: LatentPath | None = None
@@ -159,7 +163,7 @@ class Solver:
             path = search.path(attempt.multiple)
             if isinstance(path, Verdict):
                 if search.begun.unfinished or path.code is VerdictCode.DEADLINE_MISSED:
-                    self._unfinished = replace(search.begun, unfinished=True)
+                    workings.begun = replace(search.begun, unfinished=True)
                 return Plan(None, state.time, verdict if verdict.reason else path)
             if known is not None and known.include(path):
                 return Plan(None, state.time, Verdict(VerdictCode.OK, "the path being followed was found again"))
@@ -168,7 +172,7 @@ class Solver:
                 continue
             tried.add(nodes)
             curve = search.refined(path, attempt.multiple)
-            timed = self._timer.timed(query, state, curve, True, longest)
+            timed = workings.timed(self._timer, query, state, curve, True, longest)
             plan = self._judged(query, state, curve, timed, obstacles, requirement, ends, longest)
             first = path if attempt == self.attempts[0] else first
             if plan.trajectory is not None:
@@ -196,13 +200,17 @@ class Solver:
         return replace(plan, verdict=replace(plan.verdict, reason="at the goal")) if plan.verdict.ok else plan
 
     def _search_among(
-        self, query: ArmQuery, state: MotionState, standing: Obstacles, ends: float, deadline: Deadline
+        self,
+        query: ArmQuery,
+        state: MotionState,
+        standing: Obstacles,
+        ends: float,
+        deadline: Deadline,
+        workings: Workings,
     ) -> MarginSearch:
         """The searches among obstacles that stand; ends : clearance [m] of the end that is nearer to one."""
-        # Taken away: no two threads go on with it.
-        unfinished, self._unfinished = self._unfinished, None
-        goes_on = unfinished is not None and unfinished.is_of(query.body, standing)
-        begun = unfinished if goes_on else BegunSearch(self._evaluation(query, standing), standing)
+        begun = workings.take_begun(query.body, standing)
+        begun = begun or BegunSearch(self._evaluation(query, standing), standing)
         start, largest = _latent_start(query, state), self.requirements.goal.searched.share * ends
         return MarginSearch(self.graph, query, start, begun, deadline, self.settings, largest)
 
@@ -239,6 +247,7 @@ class Solver:
         state: MotionState,
         obstacles: Obstacles,
         stop: JointReference,
+        workings: Workings,
         deadline: Deadline = NEVER,
     ) -> Plan | None:
         """A certified motion to a place on the graph nearby, to which no obstacle is expected to come; None where none
@@ -246,7 +255,7 @@ class Solver:
 
         An arm in motion stops first, as it can go back then, or else sets out as it moves.
 
-        stop : the soonest stop from the state.
+        stop : the soonest stop from the state. workings : as of `solve`.
         """
         requirement = self.requirements.evasion
         evaluation = self._evaluation(query, obstacles.swept(requirement.horizon))
@@ -254,7 +263,7 @@ class Solver:
         for begin, first in self._evasion_begins(state, obstacles, stop):
             start = _latent_start(query, begin)
             for path in paths_to_targets(self.graph, query, start, evaluation, constants.EVASION_STEPS, apart):
-                timed = self._timer.timed(query, begin, path, False, math.inf)
+                timed = workings.timed(self._timer, query, begin, path, False, math.inf)
                 if timed.reference is not None:
                     whole = timed.reference if first is None else joined(first, 0.0, timed.reference, first.duration)
                     certificate, objection = self.certifier.assess(
@@ -378,7 +387,8 @@ class Solver:
         at_goal = self.collision.positions(self.robot, query.goal[None])[0, moving]
         others = obstacles.leaving_free(at_goal, self.collision.radii[moving], prediction)
         ends = min(here, self._clearance(query.goal, others.at(others.time + prediction, prediction)))
-        search, multiple = self._search_among(query, state, others.swept(prediction), ends, deadline), 1.0
+        search = self._search_among(query, state, others.swept(prediction), ends, deadline, Workings())
+        multiple = 1.0
         path = search.path(multiple)
         if isinstance(path, Verdict):
             return None

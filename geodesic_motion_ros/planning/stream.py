@@ -84,8 +84,7 @@ class Stream:
         """
         self._replace(trajectory, begin)
         if self.followed is not None:
-            query, obstacles, searched = self.followed.query, self.followed.obstacles, self.followed.searched
-            self.followed = Followed(query, Purpose.STOP, verdict, obstacles, searched)
+            self.followed = Followed(self.followed.query, Purpose.STOP, verdict, self.followed.asked)
 
     def commit(self, step: Step, now: float) -> Plan:
         """Play the trajectory of a step at `now` [s], where it has one; returns the step's plan, with the whole motion

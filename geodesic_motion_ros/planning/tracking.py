@@ -20,7 +20,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from geodesic_motion_ros.planning import settings as constants
-from geodesic_motion_ros.planning.played import TIME_ROUNDING
+from geodesic_motion_ros.planning.retry import TIME_ROUNDING
 from geodesic_motion_ros.robot.collision_model import CollisionModel
 from geodesic_motion_ros.robot.kinematics import Robot
 

@@ -10,10 +10,11 @@ import pytest
 
 from geodesic_motion_ros.obstacles.obstacles import Obstacles
 from geodesic_motion_ros.planning.certificate import ArmCertifier
-from geodesic_motion_ros.planning.evasion import FailedEvasion, evaded, is_searched, still_evading
+from geodesic_motion_ros.planning.evasion import evaded, is_searched, still_evading
 from geodesic_motion_ros.planning.mode import Mode, Purpose
 from geodesic_motion_ros.planning.plan import MotionState, Plan
 from geodesic_motion_ros.planning.requirement import Requirements
+from geodesic_motion_ros.planning.retry import Asked, Workings
 from geodesic_motion_ros.planning.settings import EVASION_DISPLACED_WITHIN, SEARCH_PERIOD, PlannerSettings
 from geodesic_motion_ros.planning.situation import Situation
 from geodesic_motion_ros.planning.status import Verdict, VerdictCode
@@ -44,7 +45,13 @@ class OneEvasionPath:
     asked_beside: int = 0
 
     def evade(
-        self, query: object, state: MotionState, obstacles: Obstacles, stop: JointReference, deadline: Deadline
+        self,
+        query: object,
+        state: MotionState,
+        obstacles: Obstacles,
+        stop: JointReference,
+        workings: Workings,
+        deadline: Deadline,
     ) -> Plan | None:
         self.asked += 1
         return self._turn(state, obstacles, SETTINGS.prediction) if self.found else None
@@ -70,7 +77,8 @@ class Arm:
 
     def __init__(self, settings: PlannerSettings = SETTINGS) -> None:
         self.settings, self.solver, self.stream = settings, OneEvasionPath(), Stream(CERTIFIER)
-        self.last_failed, self.reach = FailedEvasion(), 0.0
+        self.asked: dict[str, Asked] = {}
+        self.reach = 0.0
         standing = JointReference.standing(ROBOT.ready, np.zeros(2))
         self.stream.stand(CERTIFIER.judged(standing, CERTIFIER.certify(standing, Obstacles.none(), 1.0)), 0.0)
 
@@ -78,7 +86,7 @@ class Arm:
         self, now: float, obstacles: Obstacles, verdict: Verdict = NO_PATH, handover_deadline: Deadline = NEVER
     ) -> Plan | None:
         situation = self.situation(now, obstacles, handover_deadline)
-        step, self.last_failed = evaded(self.solver, QUERY, verdict, situation, self.last_failed)
+        step, self.asked = evaded(self.solver, QUERY, verdict, situation, self.asked, Workings())
         return None if step is None else self.stream.commit(step, now)
 
     def still_evading(self, now: float, obstacles: Obstacles) -> Plan | None:
@@ -103,7 +111,7 @@ def coming(after: float, time: float = 0.0) -> Obstacles:
 def test_an_arm_evades_what_is_coming_and_says_so() -> None:
     arm = Arm()
     situation = arm.situation(0.0, coming(1.0))
-    step, _ = evaded(arm.solver, QUERY, NO_PATH, situation, FailedEvasion())
+    step, _ = evaded(arm.solver, QUERY, NO_PATH, situation, {}, Workings())
     assert situation.mode(step) is Mode.EVADING
     plan = arm.stream.commit(step, 0.0)
     assert plan.verdict.code is VerdictCode.NO_FEASIBLE_PATH
@@ -139,11 +147,11 @@ def test_where_no_path_was_found_none_is_searched_in_every_tick() -> None:
     arm = Arm()
     arm.solver.found = False
     for now in (0.0, 0.01, 0.5 * SEARCH_PERIOD, SEARCH_PERIOD):
-        searched, before = is_searched(NO_PATH, arm.situation(now, coming(1.0)), arm.last_failed), arm.solver.asked
+        searched, before = is_searched(QUERY, NO_PATH, arm.situation(now, coming(1.0)), arm.asked), arm.solver.asked
         assert arm.plan(now, coming(1.0)) is None
         assert searched is (arm.solver.asked > before)
         assert arm.solver.asked == (2 if now == SEARCH_PERIOD else 1)
-    arm.last_failed, arm.solver.found = FailedEvasion(), True
+    arm.asked, arm.solver.found = {}, True
     assert arm.plan(SEARCH_PERIOD, coming(1.0)).trajectory is not None
 
 
@@ -169,7 +177,7 @@ def test_an_arm_goes_on_evading_beside_the_graph_while_nothing_comes_near() -> N
     velocity = np.array([[0.0, 0.0, 0.2]])
     for after, asked in ((1.5, 1), (0.3, 2)):
         meeting = Obstacles.of_spheres(hand - (0.1 + after) * velocity, np.array([0.03]), velocity, 0.1)
-        arm.last_failed = FailedEvasion()
+        arm.asked = {}
         plan = arm.plan(0.1, meeting)
         assert arm.solver.asked_beside == asked
         assert (plan.trajectory is None) is (asked == 1)
@@ -189,10 +197,10 @@ def test_where_what_comes_late_cannot_be_evaded_what_comes_soon_is_evaded_at_onc
 def test_no_evasion_path_is_searched_where_no_time_is_left_or_nothing_comes() -> None:
     """The control: in time, where something comes, one is."""
     arm, passed = Arm(), Deadline(-np.inf)
-    assert is_searched(NO_PATH, arm.situation(0.0, coming(1.0)), FailedEvasion())
-    assert not is_searched(NO_PATH, arm.situation(0.0, coming(1.0), handover_deadline=passed), FailedEvasion())
-    assert not is_searched(NO_PATH, replace(arm.situation(0.0, coming(1.0)), deadline=passed), FailedEvasion())
-    assert not is_searched(NO_PATH, arm.situation(0.0, coming(3.0 * SETTINGS.prediction)), FailedEvasion())
+    assert is_searched(QUERY, NO_PATH, arm.situation(0.0, coming(1.0)), {})
+    assert not is_searched(QUERY, NO_PATH, arm.situation(0.0, coming(1.0), handover_deadline=passed), {})
+    assert not is_searched(QUERY, NO_PATH, replace(arm.situation(0.0, coming(1.0)), deadline=passed), {})
+    assert not is_searched(QUERY, NO_PATH, arm.situation(0.0, coming(3.0 * SETTINGS.prediction)), {})
 
 
 def test_an_arm_goes_on_evading_while_that_is_free() -> None:

@@ -1,4 +1,4 @@
-"""From a path through the graph to a motion: it begins where the arm is as it moves, and is timed once."""
+"""From a path through the graph to a motion: it begins where the arm is as it moves."""
 
 from __future__ import annotations
 
@@ -73,15 +73,6 @@ def test_a_path_that_does_not_lead_to_the_goal_ends_where_it_ends(bench, timer, 
         ends.append(found[0][-1])
     assert np.linalg.norm(ends[0] - bench.query.goal) > 0.1
     np.testing.assert_allclose(ends[1], bench.query.goal, atol=1e-12)
-
-
-def test_one_path_from_one_state_is_timed_once(bench, timer, path) -> None:
-    """Not so from another state, nor of another query: the controls."""
-    first = timer.timed(bench.query, resting(bench), path, True, math.inf)
-    assert timer.timed(bench.query, replace(resting(bench), time=7.0), path, True, math.inf) is first
-    assert timer.timed(bench.query, in_motion(first, 0.1), path, True, math.inf) is not first
-    again = timer.timed(bench.query, resting(bench), path, True, math.inf)
-    assert timer.timed(replace(bench.query), resting(bench), path, True, math.inf) is not again
 
 
 def test_what_takes_longer_than_would_be_a_gain_is_not_timed_and_says_so(bench, timer, path) -> None:

@@ -1,0 +1,118 @@
+"""Retry: when a search that found nothing is made again, and with what it has worked out until then.
+
+One rule serves every search (`is_due`): it is made at once where it was not made for this query yet; never again while
+all that its answer depends on is as it was; and else a period later. A search that was out of time was not made: the
+next one goes on with what it has worked out (`Workings`).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from geodesic_motion_ros.manifold.node_body import NodeBody
+from geodesic_motion_ros.obstacles.obstacles import Obstacles
+from geodesic_motion_ros.planning.path_timer import PathTimer, TimedPath
+from geodesic_motion_ros.planning.plan import ArmQuery, MotionState
+from geodesic_motion_ros.planning.search import BegunSearch, LatentPath
+
+#: Two times [s] that differ by less are the same.
+TIME_ROUNDING = 1e-6
+#: Motions from one state that are remembered, at most.
+_MOST_REMEMBERED = 32
+
+
+@dataclass(frozen=True, eq=False)
+class Question:
+    """All that the answer of a search depends on.
+
+    Attributes
+    ----------
+    about : the query, or the goal, that is searched for: another object is another question.
+    obstacles : among which it is searched.
+    position : (eta,) where the arm stands [rad]; None: it moves, and each place has the same answer.
+    extent : how far the search looks: a horizon [s] or a reach [m].
+    """
+
+    about: object
+    obstacles: Obstacles
+    position: np.ndarray | None = None
+    extent: float = 0.0
+
+    def holds_there(self, other: Question) -> bool:
+        """Whether another question is about the same, from the same place."""
+        if self.about is not other.about:
+            return False
+        return other.position is None or (self.position is not None and np.array_equal(self.position, other.position))
+
+    def holds_for(self, other: Question) -> bool:
+        """Whether the answer to this question holds for another one: nothing has changed, and no obstacle moves."""
+        unchanged = self.holds_there(other) and self.obstacles.is_static_and_unchanged(other.obstacles)
+        return unchanged and self.extent == other.extent
+
+
+@dataclass(frozen=True, eq=False)
+class Asked:
+    """A search that was made: its question, when it was made [s], and whether it came to its end in time."""
+
+    question: Question
+    time: float
+    finished: bool = True
+
+
+def is_due(last: Asked | None, question: Question, now: float, period: float) -> bool:
+    """Whether a search is made at `now` [s] with a question.
+
+    last : the last time that it was made; None: never. period : how often its answer is worth another search, where
+        what it depends on changes [s].
+    """
+    if last is None or last.question.about is not question.about:
+        return True
+    answered = last.finished and last.question.holds_for(question)
+    return not answered and now >= last.time + period - TIME_ROUNDING
+
+
+@dataclass(eq=False)
+class Workings:
+    """What searches have worked out that the next ones need not repeat. A tick works on a copy, and remembers that.
+
+    Attributes
+    ----------
+    begun : what a search has evaluated that was out of time; None: none was.
+    timed_from : the query and the state of motion of `motions`: the motion along each path that was timed.
+    """
+
+    begun: BegunSearch | None = None
+    timed_from: tuple[ArmQuery, MotionState] | None = None
+    motions: dict[tuple[bytes, bool, float], TimedPath] = field(default_factory=dict)
+
+    def copied(self) -> Workings:
+        """The same, for one tick to go on with."""
+        return Workings(None if self.begun is None else self.begun.copied(), self.timed_from, dict(self.motions))
+
+    def take_begun(self, body: NodeBody, obstacles: Obstacles) -> BegunSearch | None:
+        """Take the search of a body among obstacles that was out of time; None where there is none."""
+        begun, self.begun = self.begun, None
+        return begun if begun is not None and begun.is_of(body, obstacles) else None
+
+    def timed(
+        self, timer: PathTimer, query: ArmQuery, state: MotionState, path: LatentPath, to_goal: bool, longest: float
+    ) -> TimedPath:
+        """Time a path once for a query and a state of motion (`PathTimer.timed`): an arm that waits finds the same
+        paths each time.
+        """
+        if not self._are_from(query, state) or len(self.motions) >= _MOST_REMEMBERED:
+            self.timed_from, self.motions = (query, state), {}
+        key = path.polyline.tobytes(), to_goal, longest
+        if key not in self.motions:
+            self.motions[key] = timer.timed(query, state, path, to_goal, longest)
+        return self.motions[key]
+
+    def _are_from(self, query: ArmQuery, state: MotionState) -> bool:
+        """Whether the motions are for a query and begin in a state."""
+        if self.timed_from is None or self.timed_from[0] is not query:
+            return False
+        before = self.timed_from[1]
+        names = ("position", "velocity", "acceleration")
+        return all(np.array_equal(getattr(before, name), getattr(state, name)) for name in names)
