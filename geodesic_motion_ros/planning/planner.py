@@ -7,7 +7,7 @@ and the stream (`stream`): it plans from the state of motion in which a new traj
 being played. A trajectory is certified for the whole arm, against obstacles that move on linearly for the setting
 `prediction`, before it is handed out.
 
-A tick works out its `Situation` once, decides without changing anything (`decision`), and commits that in one place.
+A tick works out its `Situation` once, decides without changing anything (`arbiter`), and commits that in one place.
 """
 
 from __future__ import annotations
@@ -24,12 +24,12 @@ from geodesic_motion_ros.manifold.configuration_graph import ConfigurationGraph
 from geodesic_motion_ros.manifold.pose_graph import PoseGraph
 from geodesic_motion_ros.obstacles.obstacles import Obstacles
 from geodesic_motion_ros.planning import settings as constants
-from geodesic_motion_ros.planning.attempt_memory import AttemptMemory, DetourSearch
+from geodesic_motion_ros.planning.arbiter import Arbiter, Decision
 from geodesic_motion_ros.planning.certificate import JudgedTrajectory
-from geodesic_motion_ros.planning.decision import Decider, Decision
 from geodesic_motion_ros.planning.declared_scene import DeclaredScene, check_demonstrations
 from geodesic_motion_ros.planning.detour_worker import DetourWorker
 from geodesic_motion_ros.planning.guarded_arm import GuardedArm, PreparedArm
+from geodesic_motion_ros.planning.memory import AttemptMemory, DetourSearch
 from geodesic_motion_ros.planning.mission import Goal, GoalRequest, Inputs, Mission, PreparedGoal
 from geodesic_motion_ros.planning.mode import Mode
 from geodesic_motion_ros.planning.plan import Plan
@@ -490,7 +490,7 @@ class ReactivePlanner:
         mission = self._mission
         if situation.at_rest and mission.requested is not None:
             mission = mission.activated(mission.requested, None)
-        return self._commit(situation, mission, Decider(self._arm, situation, mission, self._memory).decide())
+        return self._commit(situation, mission, Arbiter(self._arm, situation, mission, self._memory).decide())
 
     def stop(self, now: float, verdict: Verdict, handover_deadline: Deadline = NEVER) -> Plan:
         """Come to rest along the path that is followed, for a reason; handover_deadline, BAD_INPUT : as of `tick`."""

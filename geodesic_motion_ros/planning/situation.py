@@ -75,6 +75,11 @@ class Situation:
     tool: LimitedTool | None = None
 
     @property
+    def is_late(self) -> bool:
+        """Whether a deadline has passed: nothing long is begun any more."""
+        return self.deadline.passed or self.handover_deadline.passed
+
+    @property
     def at_rest(self) -> bool:
         """Whether what is being played is over."""
         return self.now >= self.played.end
@@ -292,6 +297,32 @@ class Situation:
             f"{self.settings.latency:g} s, leaves; more latency, or a less busy machine, would do"
         )
         return self.answered(Verdict(VerdictCode.DEADLINE_MISSED, reason), before)
+
+    def still_evading(self) -> Step | None:
+        """The step in which an arm goes on evading, where there is no time to search another path: as long as the rest
+        of the evasion path is free, and the arm can still stop on it. None where that is not so, where no obstacle
+        moves any more, or where the arm does not evade.
+        """
+        followed = self.followed
+        if followed is None or followed.purpose is not Purpose.EVASION or self.obstacles.is_static:
+            return None
+        clearance = self.clearance_left()
+        return None if clearance is None else self.answered(replace(followed.verdict, clearance=clearance))
+
+    def still_approaching(self, query: ArmQuery, verdict: Verdict) -> Step | None:
+        """The step in which an arm goes on with its approach to a query's goal, as long as the rest of it is free and
+        the arm can stop on it; None where that is not so, or the arm does not approach.
+
+        verdict : why there is no path for the query; the plan's verdict states the same.
+        """
+        followed = self.followed
+        if followed is None or followed.purpose is not Purpose.APPROACH or followed.query is not query or self.at_rest:
+            return None
+        clearance = self.clearance_left()
+        if clearance is None:
+            return None
+        verdict = replace(verdict, clearance=clearance)
+        return self.answered(verdict, replace(followed, verdict=verdict))
 
     def slowed(self) -> Step | None:
         """The step in which the arm slows down on its path until it keeps the limits, which have been lowered; None

@@ -13,8 +13,8 @@ import numpy as np
 import pytest
 
 from geodesic_motion_ros.obstacles.obstacles import Obstacles
+from geodesic_motion_ros.planning.arbiter import Arbiter, Decision
 from geodesic_motion_ros.planning.arm_clearance import obstacle_clearance
-from geodesic_motion_ros.planning.decision import Decider, Decision
 from geodesic_motion_ros.planning.planner import ReactivePlanner
 from geodesic_motion_ros.planning.settings import SEARCH_PERIOD
 from geodesic_motion_ros.planning.situation import Situation
@@ -73,7 +73,7 @@ def state_of(planner: ReactivePlanner) -> dict[str, object]:
 def decided(planner: ReactivePlanner, now: float, deadline: Deadline) -> tuple[Situation, Decision]:
     situation = planner._situation(now, NEVER, deadline)
     assert situation is not None
-    return situation, Decider(planner._arm, situation, planner._mission, planner._memory).decide()
+    return situation, Arbiter(planner._arm, situation, planner._mission, planner._memory).decide()
 
 
 def after(looks: int) -> Deadline:

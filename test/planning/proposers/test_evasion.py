@@ -10,9 +10,11 @@ import pytest
 
 from geodesic_motion_ros.obstacles.obstacles import Obstacles
 from geodesic_motion_ros.planning.certificate import ArmCertifier
-from geodesic_motion_ros.planning.evasion import evaded, is_searched, still_evading
+from geodesic_motion_ros.planning.memory import AttemptMemory
 from geodesic_motion_ros.planning.mode import Mode, Purpose
 from geodesic_motion_ros.planning.plan import MotionState, Plan
+from geodesic_motion_ros.planning.proposers.evasion import Evasion
+from geodesic_motion_ros.planning.proposers.turn import Turn
 from geodesic_motion_ros.planning.requirement import Requirements
 from geodesic_motion_ros.planning.retry import Asked, Workings
 from geodesic_motion_ros.planning.settings import EVASION_DISPLACED_WITHIN, SEARCH_PERIOD, PlannerSettings
@@ -85,12 +87,19 @@ class Arm:
     def plan(
         self, now: float, obstacles: Obstacles, verdict: Verdict = NO_PATH, handover_deadline: Deadline = NEVER
     ) -> Plan | None:
-        situation = self.situation(now, obstacles, handover_deadline)
-        step, self.asked = evaded(self.solver, QUERY, verdict, situation, self.asked, Workings())
-        return None if step is None else self.stream.commit(step, now)
+        turn = Evasion().propose(self.turn(self.situation(now, obstacles, handover_deadline), verdict))
+        self.asked = turn.memory.asked
+        return None if turn.step is None else self.stream.commit(turn.step, now)
+
+    def turn(self, situation: Situation, verdict: Verdict = NO_PATH) -> Turn:
+        memory, guarded = AttemptMemory(asked=self.asked), SimpleNamespace(solver=self.solver)
+        return Turn(guarded, situation, None, QUERY, QUERY, memory, verdict=verdict)
+
+    def is_due(self, situation: Situation) -> bool:
+        return Evasion().is_due(self.turn(situation))
 
     def still_evading(self, now: float, obstacles: Obstacles) -> Plan | None:
-        step = still_evading(self.situation(now, obstacles))
+        step = self.situation(now, obstacles).still_evading()
         return None if step is None else step.plan
 
     def situation(self, now: float, obstacles: Obstacles, handover_deadline: Deadline = NEVER) -> Situation:
@@ -111,7 +120,7 @@ def coming(after: float, time: float = 0.0) -> Obstacles:
 def test_an_arm_evades_what_is_coming_and_says_so() -> None:
     arm = Arm()
     situation = arm.situation(0.0, coming(1.0))
-    step, _ = evaded(arm.solver, QUERY, NO_PATH, situation, {}, Workings())
+    step = Evasion().propose(arm.turn(situation)).step
     assert situation.mode(step) is Mode.EVADING
     plan = arm.stream.commit(step, 0.0)
     assert plan.verdict.code is VerdictCode.NO_FEASIBLE_PATH
@@ -147,7 +156,7 @@ def test_where_no_path_was_found_none_is_searched_in_every_tick() -> None:
     arm = Arm()
     arm.solver.found = False
     for now in (0.0, 0.01, 0.5 * SEARCH_PERIOD, SEARCH_PERIOD):
-        searched, before = is_searched(QUERY, NO_PATH, arm.situation(now, coming(1.0)), arm.asked), arm.solver.asked
+        searched, before = arm.is_due(arm.situation(now, coming(1.0))), arm.solver.asked
         assert arm.plan(now, coming(1.0)) is None
         assert searched is (arm.solver.asked > before)
         assert arm.solver.asked == (2 if now == SEARCH_PERIOD else 1)
@@ -197,10 +206,10 @@ def test_where_what_comes_late_cannot_be_evaded_what_comes_soon_is_evaded_at_onc
 def test_no_evasion_path_is_searched_where_no_time_is_left_or_nothing_comes() -> None:
     """The control: in time, where something comes, one is."""
     arm, passed = Arm(), Deadline(-np.inf)
-    assert is_searched(QUERY, NO_PATH, arm.situation(0.0, coming(1.0)), {})
-    assert not is_searched(QUERY, NO_PATH, arm.situation(0.0, coming(1.0), handover_deadline=passed), {})
-    assert not is_searched(QUERY, NO_PATH, replace(arm.situation(0.0, coming(1.0)), deadline=passed), {})
-    assert not is_searched(QUERY, NO_PATH, arm.situation(0.0, coming(3.0 * SETTINGS.prediction)), {})
+    assert arm.is_due(arm.situation(0.0, coming(1.0)))
+    assert not arm.is_due(arm.situation(0.0, coming(1.0), handover_deadline=passed))
+    assert not arm.is_due(replace(arm.situation(0.0, coming(1.0)), deadline=passed))
+    assert not arm.is_due(arm.situation(0.0, coming(3.0 * SETTINGS.prediction)))
 
 
 def test_an_arm_goes_on_evading_while_that_is_free() -> None:

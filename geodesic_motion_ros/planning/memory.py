@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 
 from geodesic_motion_ros.obstacles.obstacles import Obstacles
 from geodesic_motion_ros.planning.detour import Detour, DetourRequest
 from geodesic_motion_ros.planning.detour_worker import DetourJob
-from geodesic_motion_ros.planning.evasion import is_searched
 from geodesic_motion_ros.planning.mission import Query
 from geodesic_motion_ros.planning.plan import Plan
 from geodesic_motion_ros.planning.retry import Asked, Question, Workings
@@ -98,14 +97,16 @@ class AttemptMemory:
         return blocked.origin if blocked is not None and blocked.question.about is query else query
 
     def chosen_attempts(
-        self, solver: Solver, query: Query, situation: Situation
+        self, solver: Solver, query: Query, situation: Situation, is_shared: Callable[[Verdict], bool]
     ) -> tuple[tuple[Attempt, ...], AttemptMemory]:
         """The attempts of this tick, by an arm that follows no path to a query's goal, and the memory of them.
+
+        is_shared : whether another long search, where there is no path for a reason, is made in this tick.
 
         | situation | attempts |
         |---|---|
         | the query is new, or its path has just been lost | all of `Solver.attempts` |
-        | the last search found no path, and an evasion path is searched in this tick | none |
+        | the last search found no path, and another long search is made in this tick | none |
         | the last search found no path: obstacles block it, and one of them moves | the next one of `Solver.attempts` |
         | the last search found no path, otherwise | the next one of `Solver.cautious` |
 
@@ -114,7 +115,7 @@ class AttemptMemory:
         """
         if query is not self.without_path:
             return solver.attempts, replace(self, attempted=len(solver.attempts) - 1)
-        if self.refusal is not None and is_searched(query, self.refusal, situation, self.asked):
+        if self.refusal is not None and is_shared(self.refusal):
             return (), self
         blocked = self.refusal is not None and self.refusal.code is VerdictCode.NO_FEASIBLE_PATH
         tried = solver.attempts if blocked and not situation.expected.is_static else solver.cautious
@@ -148,9 +149,3 @@ class AttemptMemory:
         if self.blocked is None or not verdict.goal_covered:
             return self
         return replace(self, blocked=replace(self.blocked, unfinished=True))
-
-    def after_approach(self, asked: Mapping[str, Asked], found: bool) -> AttemptMemory:
-        """The memory after an approach was searched; found : there is one, and the arm leaves where it was blocked."""
-        if not found:
-            return replace(self, asked=asked)
-        return replace(self, asked=asked, blocked=None, detour=None)

@@ -10,12 +10,12 @@ import numpy as np
 import pytest
 
 from geodesic_motion_ros.obstacles.obstacles import Obstacles
-from geodesic_motion_ros.planning.attempt_memory import AttemptMemory, DetourRequest, DetourSearch
+from geodesic_motion_ros.planning.arbiter import Arbiter, Decision
 from geodesic_motion_ros.planning.certificate import ArmCertifier
-from geodesic_motion_ros.planning.decision import Decider, Decision
 from geodesic_motion_ros.planning.detour import Detour
 from geodesic_motion_ros.planning.detour_worker import DetourJob
 from geodesic_motion_ros.planning.guarded_arm import GuardedArm
+from geodesic_motion_ros.planning.memory import AttemptMemory, DetourRequest, DetourSearch
 from geodesic_motion_ros.planning.mission import Mission
 from geodesic_motion_ros.planning.mode import Mode, Purpose
 from geodesic_motion_ros.planning.plan import MotionState, Plan
@@ -107,7 +107,7 @@ class Arm:
             SETTINGS, LIMITS, CERTIFIER, self.stream.played, self.stream.followed, now, obstacles, deadline,
             reach=self.reach, unchanged_since=unchanged_since,
         )  # fmt: skip
-        return Decider(self.guarded, self.situation, self.mission, self.memory).decide()
+        return Arbiter(self.guarded, self.situation, self.mission, self.memory).decide()
 
     def tick(self, now: float, obstacles: Obstacles, **more: float) -> Decision:
         decision = self.decided(now, obstacles, **more)

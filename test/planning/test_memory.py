@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import replace
 from types import SimpleNamespace
 
-import pytest
-
 from geodesic_motion_ros.obstacles.obstacles import Obstacles
-from geodesic_motion_ros.planning import attempt_memory
-from geodesic_motion_ros.planning.attempt_memory import AttemptMemory
+from geodesic_motion_ros.planning.memory import AttemptMemory
 from geodesic_motion_ros.planning.settings import ATTEMPTS, Attempt
 from geodesic_motion_ros.planning.status import Verdict, VerdictCode
 from geodesic_motion_ros.utils.deadline import NEVER
@@ -27,41 +25,36 @@ def situation(now: float, static: bool = False) -> SimpleNamespace:
     return SimpleNamespace(followed=None, obstacles=obstacles, expected=obstacles, **times)
 
 
-def tried(ticks: int, static: bool = False, refusal: Verdict = NO_PATH) -> list[tuple[Attempt, ...]]:
-    """What is tried tick after tick by an arm that has lost its path, and finds none."""
-    memory, chosen = AttemptMemory(), []
+def tried(
+    ticks: int, static: bool = False, refusal: Verdict = NO_PATH, shared: Iterable[bool] = ()
+) -> list[tuple[Attempt, ...]]:
+    """What is tried tick after tick by an arm that has lost its path, and finds none.
+
+    shared : whether another long search is made in the next ticks, each in its turn; False after the last.
+    """
+    memory, chosen, others = AttemptMemory(), [], iter(shared)
     for tick in range(ticks):
-        attempts, memory = memory.chosen_attempts(SOLVER, QUERY, situation(tick * TICK, static))
+        now = situation(tick * TICK, static)
+        attempts, memory = memory.chosen_attempts(SOLVER, QUERY, now, lambda _: next(others, False))
         memory = replace(memory, without_path=QUERY, refusal=refusal)
         chosen.append(attempts)
     return chosen
 
 
-@pytest.fixture
-def coming(monkeypatch) -> list[bool]:
-    """Whether an evasion path is searched in the next ticks, each in its turn; False after the last."""
-    searched: list[bool] = []
-    monkeypatch.setattr(attempt_memory, "is_searched", lambda *_: bool(searched) and searched.pop(0))
-    return searched
-
-
-@pytest.mark.usefixtures("coming")
 def test_an_arm_that_has_lost_its_path_tries_all_at_once_and_then_one_in_every_tick() -> None:
     chosen = tried(1 + 2 * len(ATTEMPTS))
     assert chosen[0] == ATTEMPTS
     assert chosen[1:] == [(attempt,) for attempt in 2 * ATTEMPTS]
 
 
-@pytest.mark.usefixtures("coming")
 def test_optimistic_attempts_are_made_among_what_moves_alone_and_not_where_the_arm_is_inside_an_obstacle() -> None:
     inside = Verdict(VerdictCode.IN_COLLISION, "inside")
     for chosen in (tried(20, static=True), tried(20, refusal=inside)):
         assert not any(attempts[0].optimistic for attempts in chosen[1:])
 
 
-def test_in_a_tick_that_searches_an_evasion_path_none_to_the_goal_is_tried_and_none_left_out(coming) -> None:
+def test_in_a_tick_with_another_long_search_no_path_to_the_goal_is_tried_and_none_is_left_out() -> None:
     without = tried(6)
-    coming += [True, False, False, True]
-    chosen = tried(8)
+    chosen = tried(8, shared=[True, False, False, True])
     assert [len(attempts) for attempts in chosen[1:]] == [0, 1, 1, 0, 1, 1, 1]
     assert [attempts for attempts in chosen if attempts][:4] == without[:4]

@@ -1,0 +1,144 @@
+"""Arbiter: decides what an arm does in one tick, by its situation, its mission and the outcomes of earlier attempts. It
+changes nothing.
+
+An arm that has a path keeps it, as long as that meets what is required to go on, or takes a better one. Without a path
+the proposers are asked by their ranks, `PROPOSERS`, until one of them hands out a motion: the stages of
+doc/reactions.md. Where none does, the arm stops.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+
+from geodesic_motion_ros.planning.detour import DetourRequest, without_detour
+from geodesic_motion_ros.planning.guarded_arm import GuardedArm
+from geodesic_motion_ros.planning.memory import AttemptMemory
+from geodesic_motion_ros.planning.mission import Mission, Query
+from geodesic_motion_ros.planning.mode import Purpose
+from geodesic_motion_ros.planning.played import Followed, Step
+from geodesic_motion_ros.planning.proposers.approach import Approach, KeptApproach
+from geodesic_motion_ros.planning.proposers.evasion import Evasion, KeptEvasion
+from geodesic_motion_ros.planning.proposers.found_detour import FoundDetour, WantedDetour
+from geodesic_motion_ros.planning.proposers.graph import GraphPath
+from geodesic_motion_ros.planning.proposers.turn import Proposer, Turn
+from geodesic_motion_ros.planning.retry import Asked, Question
+from geodesic_motion_ros.planning.situation import Situation
+from geodesic_motion_ros.planning.status import Verdict, VerdictCode
+
+#: Who is asked what an arm without a path does, in this order.
+PROPOSERS: tuple[Proposer, ...] = (
+    FoundDetour(), GraphPath(), KeptApproach(), KeptEvasion(), Evasion(), Approach(), WantedDetour(),
+)  # fmt: skip
+
+
+@dataclass(frozen=True, eq=False)
+class Decision:
+    """The outcome of a tick: what is played from now on, and what the planner remembers.
+
+    Attributes
+    ----------
+    step : for the stream. memory : for the next tick.
+    query : the query to the active goal; None: the goal has none yet.
+    detour : the request of a detour that is to be searched from now on; None: no search is begun.
+    """
+
+    step: Step
+    query: Query | None
+    memory: AttemptMemory
+    detour: DetourRequest | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Arbiter:
+    """Decides what an arm does in one tick: `Arbiter(...).decide()`, without changing anything."""
+
+    arm: GuardedArm
+    situation: Situation
+    mission: Mission
+    memory: AttemptMemory
+    proposers: tuple[Proposer, ...] = PROPOSERS
+
+    def decide(self) -> Decision:
+        """Decide what the arm does, with workings that are this tick's own."""
+        memory = replace(self.memory, workings=self.memory.workings.copied())
+        return replace(self, memory=memory)._decided()
+
+    def _decided(self) -> Decision:
+        situation, memory, query = self.situation, self.memory, self.mission.query
+        if self.mission.active is None:
+            stop = situation.stopped(Verdict(VerdictCode.NO_GOAL, "no goal has been given"))
+            return Decision(stop, None, replace(memory, blocked_since=math.inf))
+        if situation.exceeds_limits and (slowed := self._slowed(situation)) is not None:
+            return Decision(slowed, query, memory)
+        following = situation.following(query)
+        if following is not None and self._needs_no_check(following):
+            # Nothing has changed since the path was certified.
+            return Decision(situation.answered(following.verdict), query, memory)
+        goal = self.mission.active.goal
+        if query is None:
+            found = self.arm.query_from(situation.state, situation.followed, goal)
+            if isinstance(found, Verdict):
+                return Decision(situation.stopped(found), None, memory)
+            query = found
+        turn = Turn(self.arm, situation, goal, memory.origin(query), query, memory)
+        followed = situation.free_path(query)
+        if followed is None:
+            return self._without_path(turn)
+        if not followed.is_due(situation.obstacles, situation.now):
+            # The rest of the path is free, and so is a stop a moment later.
+            return Decision(situation.answered(followed.verdict, followed), query, memory)
+        return self._improved(turn, followed)
+
+    @staticmethod
+    def _slowed(situation: Situation) -> Step | None:
+        """The step in which an arm that moves too fast slows down on its path, or stops where that is not free; None
+        where it does so already, or evades: then it is met if it is slower.
+        """
+        followed = situation.followed
+        if followed is None or followed.purpose not in (Purpose.GOAL, Purpose.APPROACH):
+            return None
+        if followed.slowed is situation.limits:
+            return None
+        reason = "the arm is to be slower, and slowed down on its path it would meet what moves"
+        return situation.slowed() or situation.stopped(Verdict(VerdictCode.NO_FEASIBLE_PATH, reason))
+
+    def _needs_no_check(self, followed: Followed) -> bool:
+        """Whether the path that is followed needs neither a new certificate nor a new search: the settings are those of
+        its search, the obstacles stand, and are those among which it was certified.
+        """
+        if followed.outdated:
+            return False
+        return not self.situation.settings.avoidance or followed.is_certified_among(self.situation.obstacles)
+
+    def _improved(self, turn: Turn, followed: Followed) -> Decision:
+        """Another path, where the search finds one that is a gain; else the present one."""
+        situation, attempts, query = self.situation, self.arm.solver.attempts[:1], turn.query
+        plan = turn.solved(query, attempts, followed.known, situation.longest_worthwhile(followed))
+        if not situation.handover_deadline.passed and situation.gains(plan, followed):
+            taken = turn.taken(query, plan, self.memory.after(plan, query, None, attempts, situation))
+            return self._decision(taken)
+        in_time = plan.verdict.code is not VerdictCode.DEADLINE_MISSED
+        asked = Asked(Question(query, situation.obstacles), situation.now, in_time)
+        updated = replace(followed, asked=asked)
+        if plan.trajectory is not None or not plan.verdict.ok:
+            updated = replace(updated, rejected=plan.path)
+        return Decision(situation.answered(updated.verdict, updated), query, self.memory)
+
+    def _without_path(self, turn: Turn) -> Decision:
+        """What the first proposer hands out that has an answer; else a stop."""
+        for rank, proposer in enumerate(self.proposers):
+            turn = proposer.propose(replace(turn, later=self.proposers[rank + 1 :]))
+            if turn.decided:
+                break
+        return self._decision(turn)
+
+    def _decision(self, turn: Turn) -> Decision:
+        """The decision of the last turn; its verdict says why there is no detour, too, where one was searched."""
+        step = turn.step or self.situation.stopped(turn.verdict)
+        search, plan = turn.memory.detour, step.plan
+        if search is not None and plan.verdict.code is VerdictCode.NO_FEASIBLE_PATH:
+            reason = search.reason(turn.detour_request, self.situation.now)
+            if reason:
+                step = replace(step, plan=without_detour(plan, self.situation.reach, reason))
+        return Decision(step, turn.query, turn.memory, turn.detour)

@@ -1,0 +1,111 @@
+"""Evasion: an arm that has no path to its goal makes room for an obstacle that comes to where it stands or stops.
+
+`Solver.evade` searches a place on the graph, `Solver.evade_displaced` one beside it. This module decides when one of
+them is searched, and how long the arm goes on evading.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+from geodesic_motion_ros.planning import settings as constants
+from geodesic_motion_ros.planning.mode import Purpose
+from geodesic_motion_ros.planning.plan import Plan
+from geodesic_motion_ros.planning.played import Followed
+from geodesic_motion_ros.planning.proposers.turn import Turn
+from geodesic_motion_ros.planning.requirement import Requirement
+from geodesic_motion_ros.planning.retry import Asked, Question, is_due
+from geodesic_motion_ros.planning.status import VerdictCode
+
+#: The names of the requirements of evasions, to a place on the graph and to one beside it.
+ON_GRAPH, BESIDE_GRAPH = "evasion", "beside_graph"
+
+
+class KeptEvasion:
+    """Proposes to go on evading, where there is no time to search another path, as long as that is free."""
+
+    def is_due(self, turn: Turn) -> bool:
+        """It searches nothing."""
+        return False
+
+    def propose(self, turn: Turn) -> Turn:
+        """Go on."""
+        if turn.step is not None or not turn.situation.is_late:
+            return turn
+        return replace(turn, step=turn.situation.still_evading())
+
+
+class Evasion:
+    """Proposes to make room, where an obstacle meets an arm that does not."""
+
+    def is_due(self, turn: Turn) -> bool:
+        """Not by an arm that approaches, as long as it can go on. The search takes about as long as an attempt."""
+        followed = turn.situation.followed
+        approaching = followed is not None and followed.purpose is Purpose.APPROACH
+        if approaching or turn.situation.is_late:
+            return False
+        return _assessed(turn, turn.memory.asked)[1] is not None
+
+    def propose(self, turn: Turn) -> Turn:
+        """Begin an evasion path; the plan's verdict states why there is no path, and that the arm evades.
+
+        Where none is found, or none is needed, the arm stops along its path. An arm that evades already, and is free
+        where it leads, goes on.
+        """
+        situation, solver, asked = turn.situation, turn.arm.solver, turn.memory.asked
+        if turn.step is not None or situation.deadline.passed:
+            return turn
+        free, required = _assessed(turn, asked)
+        while required is not None:
+            state, obstacles, deadline = situation.state, situation.expected, situation.deadline
+            if required == BESIDE_GRAPH:
+                plan = solver.evade_displaced(turn.query, state, obstacles, situation.reach, deadline)
+            else:
+                stop, workings = situation.stop.reference, turn.memory.workings
+                plan = solver.evade(turn.query, state, obstacles, stop, workings, deadline)
+            if plan is not None:
+                return _begun(replace(turn, memory=replace(turn.memory, asked=asked)), plan)
+            if deadline.passed:
+                # A path that was not found for want of time is searched again in the next tick.
+                break
+            asked = {**asked, required: Asked(Question(turn.query, situation.obstacles), situation.now)}
+            free, required = _assessed(turn, asked)
+        evading = situation.followed is not None and situation.followed.purpose is Purpose.EVASION
+        step = situation.answered(turn.verdict) if free and evading else None
+        return replace(turn, memory=replace(turn.memory, asked=asked), step=step)
+
+
+def _assessed(turn: Turn, asked: Mapping[str, Asked]) -> tuple[bool, str | None]:
+    """Whether an arm without a path needs no evasion, and the name of the requirement of one that is searched now.
+
+    | answer | meaning |
+    |---|---|
+    | True, None | no obstacle meets the arm where it stops or stands |
+    | False, ON_GRAPH | search a place on the graph |
+    | False, BESIDE_GRAPH | that has just failed: search a place beside the graph, if the arm may leave it |
+    | False, None | both have just failed, or evasion is no answer to this verdict: search nothing now |
+
+    asked : the searches that were made and found nothing, by the names of their requirements.
+    """
+    situation = turn.situation
+    blocked = turn.verdict.code is VerdictCode.NO_FEASIBLE_PATH
+    if not (blocked and situation.settings.avoidance) or situation.obstacles.is_static:
+        return False, None
+    question = Question(turn.query, situation.obstacles)
+    for name in (ON_GRAPH, BESIDE_GRAPH) if situation.reach > 0.0 else (ON_GRAPH,):
+        required: Requirement = getattr(situation.requirements, name)
+        if situation.meets_without_evasion(required):
+            return True, None
+        if is_due(asked.get(name), question, situation.now, constants.SEARCH_PERIOD):
+            return False, name
+    return False, None
+
+
+def _begun(turn: Turn, plan: Plan) -> Turn:
+    """The last turn, in which the arm begins an evasion path."""
+    situation, verdict = turn.situation, turn.verdict
+    reason = f"{verdict.reason}; evading what is coming"
+    plan = replace(plan, verdict=replace(verdict, clearance=plan.verdict.clearance, reason=reason))
+    begun = Followed.begun(turn.query, plan, situation.obstacles, situation.now, Purpose.EVASION)
+    return replace(turn, step=situation.handed_out(plan, begun), decided=True)

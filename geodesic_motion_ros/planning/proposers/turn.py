@@ -1,0 +1,99 @@
+"""Turn: what a proposer knows of a tick, and what the proposers before it came to."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from typing import Protocol
+
+from geodesic_motion_ros.planning.detour import DetourRequest
+from geodesic_motion_ros.planning.guarded_arm import GuardedArm
+from geodesic_motion_ros.planning.memory import AttemptMemory
+from geodesic_motion_ros.planning.mission import Goal, Query
+from geodesic_motion_ros.planning.plan import Plan
+from geodesic_motion_ros.planning.played import Followed, Step
+from geodesic_motion_ros.planning.search import KnownPaths
+from geodesic_motion_ros.planning.settings import Attempt
+from geodesic_motion_ros.planning.situation import Situation
+from geodesic_motion_ros.planning.status import Verdict, VerdictCode
+
+NO_PATH = Verdict(VerdictCode.NO_FEASIBLE_PATH)
+
+
+class Proposer(Protocol):
+    """Proposes what an arm without a path does, in a turn of its own."""
+
+    def propose(self, turn: Turn) -> Turn:
+        """The turn of the next proposer: with a step, with a verdict, with another memory, or as it is."""
+        ...
+
+    def is_due(self, turn: Turn) -> bool:
+        """Whether it would begin a long search in this tick, where there is no path for the reason of a turn."""
+        ...
+
+
+@dataclass(frozen=True, eq=False)
+class Turn:
+    """What a proposer knows of a tick, and what the proposers before it came to.
+
+    Attributes
+    ----------
+    origin : the query on which the arm stopped, where another is attempted in its place. query : the one that is.
+    memory : for the next tick.
+    later : the proposers after this one.
+    verdict : why there is no path to the goal.
+    step : what the arm does, so far; None: it stops. decided : no other proposer is asked.
+    detour : the request of a detour that is to be searched from now on; None: no search is begun.
+    """
+
+    arm: GuardedArm
+    situation: Situation
+    goal: Goal
+    origin: Query
+    query: Query
+    memory: AttemptMemory
+    later: tuple[Proposer, ...] = ()
+    verdict: Verdict = NO_PATH
+    step: Step | None = None
+    decided: bool = False
+    detour: DetourRequest | None = None
+
+    @property
+    def detour_request(self) -> DetourRequest:
+        """The request of a detour from where the arm stands."""
+        situation = self.situation
+        return DetourRequest(
+            self.origin, self.goal, situation.obstacles, situation.reach, situation.state.position
+        )  # fmt: skip
+
+    def is_shared(self, refusal: Verdict) -> bool:
+        """Whether a later proposer begins a long search in this tick, where there is no path for a reason: both
+        searches would take too long for one tick.
+        """
+        return any(proposer.is_due(replace(self, verdict=refusal)) for proposer in self.later)
+
+    def solved(
+        self,
+        query: Query,
+        attempts: tuple[Attempt, ...],
+        known: KnownPaths | None = None,
+        longest: float = math.inf,
+        refusal: Verdict | None = None,
+    ) -> Plan:
+        """The certified motion to the goal of a query; arguments as of `Solver.solve`."""
+        situation = self.situation
+        plan = self.arm.solver.solve(
+            query, situation.state, situation.expected, attempts, situation.deadline, known, longest, refusal,
+            self.memory.workings,
+        )  # fmt: skip
+        return situation.require_a_stop(plan)
+
+    def taken(self, query: Query, plan: Plan, memory: AttemptMemory) -> Turn:
+        """The last turn, in which a new path is followed. Where it was found too late, an arm that evades goes on
+        evading as long as that is free.
+        """
+        situation = self.situation
+        step = situation.still_evading() if situation.handover_deadline.passed else None
+        begun = Followed.begun(query, plan, situation.obstacles, situation.now)
+        step = step or situation.handed_out(plan, begun)
+        return replace(self, query=query, memory=memory, step=step, decided=True)
