@@ -20,9 +20,9 @@ from geodesic_motion_ros.learning.networks import RadialBasisNetwork
 from geodesic_motion_ros.manifold.grid import LatentGrid
 from geodesic_motion_ros.manifold.pose_graph import MetricSettings, PoseGraph
 from geodesic_motion_ros.manifold.weighted_graph import WeightedGraph
+from geodesic_motion_ros.paper.dense_graph import dense_graph
+from geodesic_motion_ros.paper.literal_search import LiteralSearch
 from geodesic_motion_ros.skill.skill import Skill
-from geodesic_motion_ros.studies.paper.dense_graph import dense_graph
-from geodesic_motion_ros.studies.paper.literal_search import LiteralSearch
 from geodesic_motion_ros.studies.tools.metric import AmbientFactor
 
 FILE = Path(__file__).resolve().parents[1] / "examples" / "paper_in_200_lines.py"

@@ -40,7 +40,7 @@ _SETTINGS = (
 )  # fmt: skip
 #: Methods besides "certified", each with the module and the class of its `SkillKind`. They are no part of the product,
 #: which names them here alone, and loads them where the parameter requests them.
-_METHODS = {"paper": ("geodesic_motion_ros.studies.paper.paper_kind", "PaperKind")}
+_METHODS = {"paper": ("geodesic_motion_ros.paper.paper_kind", "PaperKind")}
 #: Negative: what belongs to the kind of skill.
 _TOOL_LIMITS = ("speed", "angular_speed", "acceleration")
 

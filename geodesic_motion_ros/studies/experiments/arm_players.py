@@ -20,13 +20,13 @@ from geodesic_motion_ros.demonstrations.joint_demonstrations import JointDemonst
 from geodesic_motion_ros.manifold.configuration_graph import JointMetricSettings
 from geodesic_motion_ros.manifold.latent_graph import LatentGraph
 from geodesic_motion_ros.obstacles.obstacles import Obstacles
+from geodesic_motion_ros.paper.follower import TimedPath, followed
+from geodesic_motion_ros.paper.paper_planner import PaperPlanner
 from geodesic_motion_ros.planning.configuration_query import ConfigurationGoal
 from geodesic_motion_ros.planning.planner import ReactivePlanner
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.skill.skill import Skill
 from geodesic_motion_ros.studies.experiments.blocked_arm import CHECK_PERIOD, every
-from geodesic_motion_ros.studies.paper.follower import TimedPath, followed
-from geodesic_motion_ros.studies.paper.paper_planner import PaperPlanner
 from geodesic_motion_ros.trajectory.trajectory import PERIOD, JointReference, ending_at_rest, interpolated
 from geodesic_motion_ros.utils.tables import Cell, text_table
 

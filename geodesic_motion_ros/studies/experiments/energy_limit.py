@@ -24,6 +24,7 @@ from matplotlib.figure import Figure
 from tqdm import tqdm
 
 from geodesic_motion_ros.learning.settings import JointTrainingSettings
+from geodesic_motion_ros.paper.paper_planner import PaperPlanner
 from geodesic_motion_ros.skill.skill import Skill
 from geodesic_motion_ros.studies.experiments.arm_players import Families, LiteralArm
 from geodesic_motion_ros.studies.experiments.grasp_joint import (
@@ -39,7 +40,6 @@ from geodesic_motion_ros.studies.experiments.grasp_joint import (
 from geodesic_motion_ros.studies.experiments.grasp_joint_scenes import Stage
 from geodesic_motion_ros.studies.experiments.study import Report, Study, option, seeds, setting
 from geodesic_motion_ros.studies.experiments.trained import trained_once
-from geodesic_motion_ros.studies.paper.paper_planner import PaperPlanner
 from geodesic_motion_ros.studies.tools.cost_limit import CostLimit, limit_columns
 from geodesic_motion_ros.utils.tables import Cell, text_table
 from geodesic_motion_ros.visualization.plots import BLUE, VERMILION, write_figure

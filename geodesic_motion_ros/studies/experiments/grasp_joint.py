@@ -37,6 +37,7 @@ from tqdm import tqdm
 
 from geodesic_motion_ros.demonstrations.joint_demonstrations import JointDemonstrations
 from geodesic_motion_ros.learning.settings import JointTrainingSettings
+from geodesic_motion_ros.paper.paper_planner import PaperPlanner, PaperSettings
 from geodesic_motion_ros.planning.planner import ReactivePlanner
 from geodesic_motion_ros.planning.settings import PlannerSettings
 from geodesic_motion_ros.simulation.joint_teacher import reach_to_grasp
@@ -53,7 +54,6 @@ from geodesic_motion_ros.studies.experiments.learned_paths import LearnedPaths, 
 from geodesic_motion_ros.studies.experiments.posture_strip import draw_strip, numbered, posture_strips
 from geodesic_motion_ros.studies.experiments.study import Report, Study, option, seeds, setting
 from geodesic_motion_ros.studies.experiments.trained import BRIEFLY, trained_once
-from geodesic_motion_ros.studies.paper.paper_planner import PaperPlanner, PaperSettings
 from geodesic_motion_ros.studies.tools.cost_limit import CostLimit, limit_columns
 from geodesic_motion_ros.utils.tables import Cell, text_table
 from geodesic_motion_ros.visualization.joint_plots import draw_latent_tubes

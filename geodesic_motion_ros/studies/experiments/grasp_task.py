@@ -36,6 +36,7 @@ from geodesic_motion_ros.geometry.curves import Pose, PoseCurve
 from geodesic_motion_ros.geometry.quaternions import angle_between
 from geodesic_motion_ros.learning.settings import TrainingSettings
 from geodesic_motion_ros.manifold.encoder import TaskSpaceEncoder
+from geodesic_motion_ros.paper.paper_planner import PaperPlanner
 from geodesic_motion_ros.planning.pose_path import PosePathPlanner
 from geodesic_motion_ros.planning.settings import PlannerSettings
 from geodesic_motion_ros.planning.status import Verdict
@@ -68,7 +69,6 @@ from geodesic_motion_ros.studies.experiments.requested_ends import (
 )
 from geodesic_motion_ros.studies.experiments.study import Report, Study, option, seeds, setting
 from geodesic_motion_ros.studies.experiments.trained import BRIEFLY, trained_once
-from geodesic_motion_ros.studies.paper.paper_planner import PaperPlanner
 from geodesic_motion_ros.studies.tools.averages import mean
 from geodesic_motion_ros.studies.tools.similarity import distance_to_closest
 from geodesic_motion_ros.utils.tables import Cell, text_table

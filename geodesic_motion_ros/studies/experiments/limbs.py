@@ -31,6 +31,7 @@ from geodesic_motion_ros.learning.settings import TrainingSettings
 from geodesic_motion_ros.manifold.decoder import rms_sigma
 from geodesic_motion_ros.manifold.grid import LatentGrid
 from geodesic_motion_ros.obstacles.obstacles import Obstacles
+from geodesic_motion_ros.paper.paper_planner import STRENGTH_OF_POSES, PaperPlanner, PaperSettings
 from geodesic_motion_ros.planning.configuration_query import ConfigurationGoal
 from geodesic_motion_ros.planning.planner import ReactivePlanner
 from geodesic_motion_ros.planning.pose_path import PosePath, PosePathPlanner
@@ -55,7 +56,6 @@ from geodesic_motion_ros.studies.experiments.grasp_joint_scenes import RADIUS, m
 from geodesic_motion_ros.studies.experiments.posture_strip import draw_strip, posture_strips
 from geodesic_motion_ros.studies.experiments.study import Report, Study, option
 from geodesic_motion_ros.studies.experiments.trained import BRIEFLY, trained_once
-from geodesic_motion_ros.studies.paper.paper_planner import STRENGTH_OF_POSES, PaperPlanner, PaperSettings
 from geodesic_motion_ros.studies.tools.collision_geometry import CollisionGeometry
 from geodesic_motion_ros.trajectory.trajectory import JointReference
 from geodesic_motion_ros.utils.errors import ParameterError

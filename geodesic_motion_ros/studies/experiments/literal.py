@@ -32,6 +32,7 @@ from tqdm import tqdm
 from geodesic_motion_ros.demonstrations.joint_demonstrations import JointDemonstrations
 from geodesic_motion_ros.geometry.curves import PoseCurve
 from geodesic_motion_ros.learning.settings import JointTrainingSettings, TrainingSettings
+from geodesic_motion_ros.paper.paper_planner import PaperPlanner
 from geodesic_motion_ros.planning.configuration_query import ConfigurationGoal
 from geodesic_motion_ros.planning.planner import ReactivePlanner
 from geodesic_motion_ros.planning.pose_path import PosePath, PosePathPlanner
@@ -43,7 +44,6 @@ from geodesic_motion_ros.studies.experiments.imitation_judge import EVERY_END
 from geodesic_motion_ros.studies.experiments.joint_imitation import tool_curve
 from geodesic_motion_ros.studies.experiments.study import OfRecordings, Recording, Report, option, seeds, steps
 from geodesic_motion_ros.studies.experiments.trained import trained_once
-from geodesic_motion_ros.studies.paper.paper_planner import PaperPlanner
 from geodesic_motion_ros.studies.tools.similarity import COMPARED_POINTS, compare
 from geodesic_motion_ros.utils.errors import SkillError
 from geodesic_motion_ros.utils.tables import text_table

@@ -28,6 +28,7 @@ from tqdm import tqdm
 
 from geodesic_motion_ros.demonstrations.demonstrations import Demonstrations
 from geodesic_motion_ros.learning.settings import JointTrainingSettings
+from geodesic_motion_ros.paper.paper_planner import PaperPlanner, PaperSettings
 from geodesic_motion_ros.planning.planner import ReactivePlanner
 from geodesic_motion_ros.planning.settings import PlannerSettings
 from geodesic_motion_ros.robot.kinematics import Robot
@@ -41,7 +42,6 @@ from geodesic_motion_ros.studies.experiments.posture_strip import draw_strip
 from geodesic_motion_ros.studies.experiments.pouring_scene import pouring_strip, standing_there
 from geodesic_motion_ros.studies.experiments.study import Report, Study, option, seeds
 from geodesic_motion_ros.studies.experiments.trained import BRIEFLY, trained_once
-from geodesic_motion_ros.studies.paper.paper_planner import PaperPlanner, PaperSettings
 from geodesic_motion_ros.utils.tables import Cell, text_table
 from geodesic_motion_ros.visualization.joint_plots import FAMILY_COLOURS, draw_latent_tubes
 from geodesic_motion_ros.visualization.plots import BLUE, DrawnPath, write_figure

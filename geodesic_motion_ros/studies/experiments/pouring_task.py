@@ -35,6 +35,7 @@ from geodesic_motion_ros.demonstrations.demonstrations import Demonstrations
 from geodesic_motion_ros.geometry.curves import Pose, PoseCurve, interpolate
 from geodesic_motion_ros.learning.settings import TrainingSettings
 from geodesic_motion_ros.obstacles.obstacles import Obstacles
+from geodesic_motion_ros.paper.paper_planner import STRENGTH_OF_POSES, PaperPlanner, PaperSettings
 from geodesic_motion_ros.planning.planner import ReactivePlanner
 from geodesic_motion_ros.planning.pose_path import PosePath, PosePathPlanner
 from geodesic_motion_ros.planning.status import Verdict
@@ -66,7 +67,6 @@ from geodesic_motion_ros.studies.experiments.requested_ends import farthest_end
 from geodesic_motion_ros.studies.experiments.reshaped_metric import ReshapedMetric, draw_reshaped_metric, reshape_metric
 from geodesic_motion_ros.studies.experiments.study import Report, Study, option, seeds
 from geodesic_motion_ros.studies.experiments.trained import BRIEFLY, trained_once
-from geodesic_motion_ros.studies.paper.paper_planner import STRENGTH_OF_POSES, PaperPlanner, PaperSettings
 from geodesic_motion_ros.utils.tables import Cell, text_table
 from geodesic_motion_ros.visualization.plots import (
     BLUE,

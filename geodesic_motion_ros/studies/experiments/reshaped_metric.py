@@ -29,15 +29,15 @@ from scipy.spatial import cKDTree
 
 from geodesic_motion_ros.geometry.fitted_spline import fitted_spline
 from geodesic_motion_ros.manifold.decoder import rms_sigma
+from geodesic_motion_ros.paper.dense_graph import dense_graph
+from geodesic_motion_ros.paper.literal_search import LiteralSearch, ambient_factors
+from geodesic_motion_ros.paper.paper_planner import COEFFICIENTS, SAMPLES, PaperSettings
 from geodesic_motion_ros.skill.skill import Skill
 from geodesic_motion_ros.studies.experiments.grasp_joint_scenes import passed_in_turn
 from geodesic_motion_ros.studies.experiments.latent_pictures import MAGNIFICATION_LABEL, draw_haloed
 from geodesic_motion_ros.studies.experiments.learned_paths import LearnedPaths, whole_box
 from geodesic_motion_ros.studies.experiments.metric_graph import evenly
 from geodesic_motion_ros.studies.experiments.pouring_scene import PLACES, SPHERE_RADIUS
-from geodesic_motion_ros.studies.paper.dense_graph import dense_graph
-from geodesic_motion_ros.studies.paper.literal_search import LiteralSearch, ambient_factors
-from geodesic_motion_ros.studies.paper.paper_planner import COEFFICIENTS, SAMPLES, PaperSettings
 from geodesic_motion_ros.visualization.latent_view import magnification_factor
 from geodesic_motion_ros.visualization.plots import (
     BLUE,

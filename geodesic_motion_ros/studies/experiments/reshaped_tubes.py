@@ -20,13 +20,13 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from geodesic_motion_ros.obstacles.obstacles import Obstacles
+from geodesic_motion_ros.paper.literal_search import ambient_factors
+from geodesic_motion_ros.paper.paper_planner import PaperPlanner, PaperSettings
 from geodesic_motion_ros.robot.body_points import BodyPoints, end_effector_poses, place_body_points
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.skill.skill import Skill
 from geodesic_motion_ros.studies.experiments.latent_pictures import MAGNIFICATION_LABEL, draw_haloed
 from geodesic_motion_ros.studies.experiments.study import OfSkill, Report
-from geodesic_motion_ros.studies.paper.literal_search import ambient_factors
-from geodesic_motion_ros.studies.paper.paper_planner import PaperPlanner, PaperSettings
 from geodesic_motion_ros.utils.tables import text_table
 from geodesic_motion_ros.visualization.plots import VERMILION, write_figure
 

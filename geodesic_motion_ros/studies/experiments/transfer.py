@@ -23,6 +23,7 @@ from tqdm import tqdm
 
 from geodesic_motion_ros.geometry.curves import PoseCurve
 from geodesic_motion_ros.learning.settings import TrainingSettings
+from geodesic_motion_ros.paper.paper_planner import PaperPlanner
 from geodesic_motion_ros.planning.planner import ReactivePlanner
 from geodesic_motion_ros.planning.settings import PlannerSettings
 from geodesic_motion_ros.simulation.world import ArmWorld
@@ -33,7 +34,6 @@ from geodesic_motion_ros.studies.experiments.posture_strip import draw_strip, po
 from geodesic_motion_ros.studies.experiments.study import Report, Study, option, seeds, setting
 from geodesic_motion_ros.studies.experiments.trained import BRIEFLY, trained_once
 from geodesic_motion_ros.studies.experiments.transferred_motions import RATE_HZ, PlayedMotion, play_literal, play_ours
-from geodesic_motion_ros.studies.paper.paper_planner import PaperPlanner
 from geodesic_motion_ros.studies.tools.averages import mean
 from geodesic_motion_ros.utils.tables import Cell, text_table
 from geodesic_motion_ros.visualization.plots import BLUE, GREEN, GREY, VERMILION, write_figure

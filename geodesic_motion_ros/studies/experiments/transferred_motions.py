@@ -16,12 +16,12 @@ import numpy as np
 from geodesic_motion_ros.geometry.curves import PoseCurve
 from geodesic_motion_ros.geometry.quaternions import angle_between, continuous_signs, normalise
 from geodesic_motion_ros.geometry.task_frame import TaskFrame
+from geodesic_motion_ros.paper.follower import followed
+from geodesic_motion_ros.paper.paper_planner import PaperPlanner
 from geodesic_motion_ros.planning.planner import ReactivePlanner
 from geodesic_motion_ros.simulation.world import ArmWorld
 from geodesic_motion_ros.studies.experiments.execution import play
 from geodesic_motion_ros.studies.experiments.joint_imitation import tool_curve
-from geodesic_motion_ros.studies.paper.follower import followed
-from geodesic_motion_ros.studies.paper.paper_planner import PaperPlanner
 from geodesic_motion_ros.studies.tools.similarity import Similarity, compare
 from geodesic_motion_ros.utils.errors import RobotError
 

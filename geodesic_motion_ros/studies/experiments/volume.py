@@ -33,6 +33,7 @@ from geodesic_motion_ros.demonstrations.readers import read_joint_demonstrations
 from geodesic_motion_ros.learning.joint_training import body_layer
 from geodesic_motion_ros.learning.settings import JointTrainingSettings
 from geodesic_motion_ros.manifold.configuration_graph import JointMetricSettings
+from geodesic_motion_ros.paper.paper_planner import PaperPlanner
 from geodesic_motion_ros.robot.description import DEFAULT_ROBOT
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.simulation.joint_teacher import reach_to_grasp
@@ -41,7 +42,6 @@ from geodesic_motion_ros.studies.experiments.imitation import stage_shown_on
 from geodesic_motion_ros.studies.experiments.joint_imitation import tool_curve
 from geodesic_motion_ros.studies.experiments.study import Report, Study, option, seeds, steps
 from geodesic_motion_ros.studies.experiments.trained import trained_once
-from geodesic_motion_ros.studies.paper.paper_planner import PaperPlanner
 from geodesic_motion_ros.studies.tools.similarity import compare
 from geodesic_motion_ros.utils.errors import ParameterError
 from geodesic_motion_ros.utils.tables import text_table

@@ -16,10 +16,10 @@ from pathlib import Path
 import numpy as np
 
 from geodesic_motion_ros.nodes.stolen_time import StolenTime
+from geodesic_motion_ros.paper.paper_planner import STRENGTH_OF_POSES, PaperPlanner, PaperSettings
 from geodesic_motion_ros.planning.planner import ReactivePlanner
 from geodesic_motion_ros.robot.body_points import end_effector_poses
 from geodesic_motion_ros.skill.skill import Skill
-from geodesic_motion_ros.studies.paper.paper_planner import STRENGTH_OF_POSES, PaperPlanner, PaperSettings
 from geodesic_motion_ros.studies.rates.planner_stream import Cloud, PlannerStream, Spheres, no_spheres
 from geodesic_motion_ros.utils.errors import ParameterError
 from geodesic_motion_ros.utils.tables import text_table

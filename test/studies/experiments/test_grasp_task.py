@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from geodesic_motion_ros.geometry.quaternions import angle_between
+from geodesic_motion_ros.paper.paper_planner import PaperPlanner
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.studies.experiments.crossing import measure_crossings
 from geodesic_motion_ros.studies.experiments.grasp_task import (
@@ -22,7 +23,6 @@ from geodesic_motion_ros.studies.experiments.grasp_task import (
     sign_blind_ratios,
 )
 from geodesic_motion_ros.studies.experiments.requested_ends import answers_to
-from geodesic_motion_ros.studies.paper.paper_planner import PaperPlanner
 from geodesic_motion_ros.utils.errors import ParameterError
 from geodesic_motion_ros.utils.tables import write_json
 

@@ -11,6 +11,7 @@ import pytest
 from geodesic_motion_ros.demonstrations.joint_demonstrations import JointDemonstration, JointDemonstrations
 from geodesic_motion_ros.learning.joint_training import train_joint_space_skill
 from geodesic_motion_ros.learning.settings import JointTrainingSettings
+from geodesic_motion_ros.paper.paper_planner import PaperPlanner
 from geodesic_motion_ros.planning.planner import ReactivePlanner
 from geodesic_motion_ros.planning.settings import PlannerSettings
 from geodesic_motion_ros.robot.kinematics import Robot
@@ -21,7 +22,6 @@ from geodesic_motion_ros.studies.experiments.pouring_joint import (
     PouringJointReport,
     pour_all,
 )
-from geodesic_motion_ros.studies.paper.paper_planner import PaperPlanner
 from geodesic_motion_ros.utils.errors import ParameterError
 from geodesic_motion_ros.utils.tables import write_json
 

@@ -17,13 +17,13 @@ import numpy as np
 from geodesic_motion_ros.nodes.stream_cycle import CycleInputs, Pose
 from geodesic_motion_ros.obstacles.obstacles import Obstacles
 from geodesic_motion_ros.obstacles.tracker import ObstacleSet
+from geodesic_motion_ros.paper.follower import TimedPath
+from geodesic_motion_ros.paper.paper_cycle import PaperCycle, PaperJointCycle, PaperPoseCycle
+from geodesic_motion_ros.paper.paper_planner import STRENGTH_OF_POSES, PaperPlanner, PaperSettings
 from geodesic_motion_ros.skill.skill import Skill
 from geodesic_motion_ros.studies.comparison.arena import Arena
 from geodesic_motion_ros.studies.comparison.method import TICK, Answer
 from geodesic_motion_ros.studies.comparison.scene import Scene
-from geodesic_motion_ros.studies.paper.follower import TimedPath
-from geodesic_motion_ros.studies.paper.paper_cycle import PaperCycle, PaperJointCycle, PaperPoseCycle
-from geodesic_motion_ros.studies.paper.paper_planner import STRENGTH_OF_POSES, PaperPlanner, PaperSettings
 from geodesic_motion_ros.utils.errors import ParameterError
 
 #: The paper's models of tasks that shipped skills have, and zeta, as config/paper.yaml has it.

@@ -1,7 +1,7 @@
 """Whatever planners come: the paper's answers 200 recorded queries of each space as it did when they were recorded.
 
 What depends on the processor, the decoded nodes and their weights, is computed anew from the shipped skills' arrays.
-Record anew, where the paper's planner itself was wrong: python test/studies/paper/test_literal_profile.py
+Record anew, where the paper's planner itself was wrong: python test/paper/test_literal_profile.py
 """
 
 from __future__ import annotations
@@ -12,8 +12,8 @@ import numpy as np
 import pytest
 
 from geodesic_motion_ros.geometry.fitted_spline import fitted_spline
-from geodesic_motion_ros.studies.paper.literal_search import LiteralSearch
-from geodesic_motion_ros.studies.paper.paper_planner import COEFFICIENTS, PaperPlanner
+from geodesic_motion_ros.paper.literal_search import LiteralSearch
+from geodesic_motion_ros.paper.paper_planner import COEFFICIENTS, PaperPlanner
 
 FOLDER = Path(__file__).parent / "literal_profile"
 QUERIES, MOST_OBSTACLES = 200, 10

@@ -9,8 +9,8 @@ import pytest
 from scipy.sparse import csr_matrix
 from scipy.sparse.csgraph import dijkstra
 
-from geodesic_motion_ros.studies.paper.literal_search import LiteralSearch
-from geodesic_motion_ros.studies.paper.paper_planner import PaperPlanner
+from geodesic_motion_ros.paper.literal_search import LiteralSearch
+from geodesic_motion_ros.paper.paper_planner import PaperPlanner
 from geodesic_motion_ros.utils.deadline import Deadline
 
 

@@ -10,12 +10,12 @@ import pytest
 
 from geodesic_motion_ros.nodes.stream_cycle import CycleInputs, CycleOutput
 from geodesic_motion_ros.obstacles.tracker import ObstacleSet
+from geodesic_motion_ros.paper.follower import STIFFNESS
+from geodesic_motion_ros.paper.paper_cycle import PaperCycle, PaperJointCycle, PaperPoseCycle
+from geodesic_motion_ros.paper.paper_planner import CAUTION, PaperPlanner, PaperSettings
 from geodesic_motion_ros.planning.status import VerdictCode
 from geodesic_motion_ros.robot.held_objects import HeldObject
 from geodesic_motion_ros.skill.skill import Skill
-from geodesic_motion_ros.studies.paper.follower import STIFFNESS
-from geodesic_motion_ros.studies.paper.paper_cycle import PaperCycle, PaperJointCycle, PaperPoseCycle
-from geodesic_motion_ros.studies.paper.paper_planner import CAUTION, PaperPlanner, PaperSettings
 from geodesic_motion_ros.trajectory.trajectory import JointReference
 
 PERIOD, LATENCY = 0.01, 0.03

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 
+from geodesic_motion_ros.paper.paper_planner import PaperPlanner, PaperSettings
 from geodesic_motion_ros.skill.skill import Skill
-from geodesic_motion_ros.studies.paper.paper_planner import PaperPlanner, PaperSettings
 
 #: Skill, grid and zeta by the space; in joint space coarse, the whole grid takes seconds and a gigabyte.
 CASES = {"task": ("paper_pouring", (100, 100), 1e9), "joint": ("paper_reach", (16, 16, 16), 1e3)}

@@ -1,6 +1,6 @@
 """Cycles of the planner node with the paper's planner: poses streamed, or joint trajectories. Knows nothing of ROS.
 
-What is commanded is a mass that follows the leading point of the path (`studies.paper.follower`): its state is a place
+What is commanded is a mass that follows the leading point of the path (`paper.follower`): its state is a place
 (p,), a pose as x, y, z [m], w, x, y, z or a configuration [rad], and its velocity.
 """
 
@@ -19,9 +19,9 @@ from geodesic_motion_ros.geometry.quaternions import normalise
 from geodesic_motion_ros.geometry.task_frame import TaskFrame
 from geodesic_motion_ros.nodes.deviation import joint_deviation, joints_moved, pose_deviation, pose_moved
 from geodesic_motion_ros.nodes.stream_cycle import CycleInputs, CycleOutput, Place, Pose, StreamCycle
+from geodesic_motion_ros.paper.follower import TimedPath, followed
+from geodesic_motion_ros.paper.paper_planner import CAUTION, PaperGoal, PaperPlanner
 from geodesic_motion_ros.planning.status import Verdict, VerdictCode
-from geodesic_motion_ros.studies.paper.follower import TimedPath, followed
-from geodesic_motion_ros.studies.paper.paper_planner import CAUTION, PaperGoal, PaperPlanner
 from geodesic_motion_ros.trajectory.trajectory import PERIOD, JointReference, ending_at_rest, interpolated, joined
 from geodesic_motion_ros.utils.deadline import Deadline
 

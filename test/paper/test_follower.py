@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.integrate import solve_ivp
 
-from geodesic_motion_ros.studies.paper.follower import STIFFNESS, TimedPath, followed
+from geodesic_motion_ros.paper.follower import STIFFNESS, TimedPath, followed
 
 
 def straight(duration: float) -> TimedPath:

@@ -11,12 +11,12 @@ from geodesic_motion_ros.nodes.parameters import Value
 from geodesic_motion_ros.nodes.planner_outputs import PlannerOutputs
 from geodesic_motion_ros.nodes.skill_kinds import SkillKind, planner_settings
 from geodesic_motion_ros.nodes.stream_cycle import CycleOutput, Pose
+from geodesic_motion_ros.paper.paper_cycle import PaperCycle, PaperJointCycle, PaperPoseCycle
+from geodesic_motion_ros.paper.paper_planner import CAUTION, PaperPlanner, PaperSettings
 from geodesic_motion_ros.planning.settings import CHANGEABLE
 from geodesic_motion_ros.planning.status import Verdict, VerdictCode
 from geodesic_motion_ros.robot.held_objects import HeldObject
 from geodesic_motion_ros.skill.skill import Skill
-from geodesic_motion_ros.studies.paper.paper_cycle import PaperCycle, PaperJointCycle, PaperPoseCycle
-from geodesic_motion_ros.studies.paper.paper_planner import CAUTION, PaperPlanner, PaperSettings
 from geodesic_motion_ros.visualization.latent_view import LatentPicture, LatentView
 
 

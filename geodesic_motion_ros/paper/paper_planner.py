@@ -16,14 +16,14 @@ from geodesic_motion_ros.manifold.pose_graph import PoseGraph
 from geodesic_motion_ros.manifold.transport import Offsets
 from geodesic_motion_ros.manifold.weighted_graph import WeightedGraph
 from geodesic_motion_ros.obstacles.obstacles import Obstacles
+from geodesic_motion_ros.paper.dense_graph import dense_graph
+from geodesic_motion_ros.paper.follower import TimedPath
+from geodesic_motion_ros.paper.literal_search import LiteralSearch
 from geodesic_motion_ros.planning.status import Verdict, VerdictCode
 from geodesic_motion_ros.robot.body_points import end_effector_poses
 from geodesic_motion_ros.robot.held_objects import HeldObject
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.skill.skill import ENDPOINT_MULTIPLE, Skill
-from geodesic_motion_ros.studies.paper.dense_graph import dense_graph
-from geodesic_motion_ros.studies.paper.follower import TimedPath
-from geodesic_motion_ros.studies.paper.literal_search import LiteralSearch
 from geodesic_motion_ros.utils.deadline import NEVER, Deadline
 
 #: Points of a spline that are decoded, and coefficients that it is fitted with.
