@@ -13,7 +13,7 @@ from geodesic_motion_ros.nodes.skill_kinds import SkillKind, planner_settings
 from geodesic_motion_ros.nodes.stream_cycle import CycleOutput, Pose
 from geodesic_motion_ros.paper.paper_cycle import PaperCycle, PaperJointCycle, PaperPoseCycle
 from geodesic_motion_ros.paper.paper_planner import CAUTION, PaperPlanner, PaperSettings
-from geodesic_motion_ros.planning.settings import CHANGEABLE
+from geodesic_motion_ros.planning.settings import CHANGEABLE, TOOL_LIMITS
 from geodesic_motion_ros.planning.status import Verdict, VerdictCode
 from geodesic_motion_ros.robot.held_objects import HeldObject
 from geodesic_motion_ros.skill.skill import Skill
@@ -29,7 +29,7 @@ class PaperKind(SkillKind):
     def __init__(self, skill: Skill, values: Mapping[str, Value]) -> None:
         super().__init__()
         strength = values["ambient_strength"] if values["avoidance"] else 0.0
-        tool = planner_settings(values).tool_limits(of_tool_poses=True)
+        tool = planner_settings(values).tool_limits(TOOL_LIMITS)
         settings = PaperSettings(strength, tool.speed, tool.angular_speed, values["speed_scale"])
         self.planner = PaperPlanner(skill, settings)
         self.robot = self.planner.robot

@@ -21,7 +21,13 @@ from geodesic_motion_ros.manifold.transport import corrections_at
 from geodesic_motion_ros.planning.declared_scene import DeclaredScene
 from geodesic_motion_ros.planning.pose_query import Pose
 from geodesic_motion_ros.planning.search import demonstrated_cost
-from geodesic_motion_ros.planning.settings import NEAREST_POSES, SAME_TASK_JOINTS, PlannerSettings
+from geodesic_motion_ros.planning.settings import (
+    NEAREST_POSES,
+    SAME_GOAL,
+    SAME_START,
+    SAME_TASK_JOINTS,
+    PlannerSettings,
+)
 from geodesic_motion_ros.planning.status import Verdict, VerdictCode
 from geodesic_motion_ros.planning.transported_query import (
     AlongMeanPaths,
@@ -30,6 +36,7 @@ from geodesic_motion_ros.planning.transported_query import (
     TransportedQueryBuilder,
     edges_in_scene,
 )
+from geodesic_motion_ros.planning.turns import in_turn_of
 from geodesic_motion_ros.robot.body_points import end_effector_poses
 from geodesic_motion_ros.robot.collision_model import CollisionModel, self_clearance
 from geodesic_motion_ros.robot.inverse_kinematics import solve
@@ -109,7 +116,12 @@ class ConfigurationQuery(TransportedQuery):
 
 
 class ConfigurationQueryBuilder(TransportedQueryBuilder):
-    """Finds where on the manifold a start and a goal configuration lie, and transports the graph to them."""
+    """Finds where on the manifold a start and a goal configuration lie, and transports the graph to them.
+
+    follows_task_frame : configurations are of the base frame.
+    """
+
+    follows_task_frame = False
 
     def __init__(
         self,
@@ -170,7 +182,23 @@ class ConfigurationQueryBuilder(TransportedQueryBuilder):
         reason = f"at the goal '{first}' and '{second}' would overlap by {-1000 * clearance:.0f} mm"
         return Verdict(VerdictCode.IN_COLLISION, reason, clearance=clearance)
 
-    def start_by_pose(self, pose: Pose) -> np.ndarray | Verdict:
+    def goal_in_place(self, pose: Pose, frame: TaskFrame, standing: np.ndarray) -> ConfigurationGoal | None:
+        """The configuration (eta,) in which the arm stands, where that holds the tool in a requested pose already:
+        another one would turn the elbow for nothing. None where it does not; and where the skill shows just such a
+        turn.
+        """
+        here, skill = Pose(*self._robot.forward(standing)), self._skill
+        start, end = (Pose(*np.split(given, [3])) for given in (skill.start_pose, skill.goal_pose))
+        if not here.is_within(pose, SAME_GOAL) or start.is_within(end, SAME_START):
+            return None
+        goal = self.goal_by_configuration(standing, frame)
+        return None if isinstance(goal, Verdict) else replace(goal, stated="the configuration in which the arm stands")
+
+    def in_turn(self, configuration: np.ndarray) -> np.ndarray:
+        """A configuration (eta,) with its continuous joints in the turn in which the graph has them."""
+        return in_turn_of(self._graph.configurations, configuration, self._robot)
+
+    def start_by_pose(self, pose: Pose, commanded: np.ndarray | None = None) -> np.ndarray | Verdict:
         """The configuration (eta,) nearest to where demonstrations started that holds the tool in a pose."""
         found, reason = self._configurations_at("start", pose)
         pieces = self._graph.pieces_with_demonstrations()

@@ -31,12 +31,9 @@ from typing import Any
 
 import numpy as np
 
-from geodesic_motion_ros.geometry.quaternions import inverse, normalise, rotate, to_rotation
+from geodesic_motion_ros.geometry.quaternions import normalise, to_rotation
 from geodesic_motion_ros.geometry.shapes import no_solids, solid_distances, solid_rows
-from geodesic_motion_ros.manifold.joint_decoder import JointSpaceDecoder
 from geodesic_motion_ros.obstacles.obstacles import Obstacles
-from geodesic_motion_ros.robot.collision_model import CollisionModel
-from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.skill.skill import Skill
 from geodesic_motion_ros.utils.checked_files import brief, opened, read_yaml
 from geodesic_motion_ros.utils.checked_numbers import LARGEST_NUMBER
@@ -202,15 +199,14 @@ class DeclaredScene:
         return float(apart[solid, sphere]), self.names[solid], int(sphere)
 
 
-def check_demonstrations(scene: DeclaredScene, skill: Skill, robot: Robot, collision: CollisionModel) -> None:
+def check_demonstrations(scene: DeclaredScene, skill: Skill, spheres: np.ndarray, radii: np.ndarray) -> None:
     """SkillError where a skill's demonstrations, as it decodes them, enter a scene by more than `DEMONSTRATION_DEPTH`.
 
-    Of demonstrated tool poses what is fixed behind the last joint is looked at. Nodes that enter it by less are left
-    out of the search.
+    spheres, radii : (n, S, 3), (S,) [m] along all demonstrations (`OutputSpace.demonstrated_spheres`). Nodes that enter
+        it by less are left out of the search.
     """
     if not scene.names:
         return
-    spheres, radii = demonstrated_spheres(skill, robot, collision)
     samples = skill.codes.shape[1]
     clearances = scene.clearances(spheres, radii)
     worst = int(np.argmin(clearances))
@@ -222,23 +218,6 @@ def check_demonstrations(scene: DeclaredScene, skill: Skill, robot: Robot, colli
         f"at sample {worst % samples}, {100 * (worst % samples) / (samples - 1):.0f} % of its path: it was recorded in "
         f"another one, or '{part}' stands elsewhere"
     )
-
-
-def demonstrated_spheres(skill: Skill, robot: Robot, collision: CollisionModel) -> tuple[np.ndarray, np.ndarray]:
-    """Centres (n, S, 3) and radii (S,) [m] along all demonstrations of the spheres that they tell of: of configurations
-    the whole arm's, of tool poses those that are fixed behind the last joint.
-    """
-    codes = skill.codes.reshape(-1, skill.codes.shape[-1])
-    moving = collision.moving
-    if isinstance(skill.decoder, JointSpaceDecoder):
-        placed = collision.positions(robot, skill.decoder.configurations(codes))
-        return placed[:, moving], collision.radii[moving]
-    hand = moving & (collision.points.frames > np.flatnonzero(robot.chain[3] >= 0)[-1])
-    position, quaternion = robot.forward(robot.ready)
-    offsets = rotate(inverse(quaternion), collision.positions(robot, robot.ready[None])[0, hand] - position)
-    positions, quaternions = skill.decoder.poses(codes)
-    turned = np.stack([rotate(quaternion, offsets) for quaternion in quaternions])
-    return positions[:, None] + turned, collision.radii[hand]
 
 
 def _entries(kind: str, listed: Any) -> Iterator[tuple[str, np.ndarray]]:

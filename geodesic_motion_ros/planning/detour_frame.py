@@ -26,8 +26,8 @@ import numpy as np
 from scipy.ndimage import gaussian_filter1d
 
 from geodesic_motion_ros.geometry.quaternions import angle_between, continuous_signs
-from geodesic_motion_ros.manifold.decoder import TaskSpaceDecoder
 from geodesic_motion_ros.planning import settings as constants
+from geodesic_motion_ros.planning.output_space import OutputSpace
 from geodesic_motion_ros.planning.posture import null_vectors
 from geodesic_motion_ros.robot.body_points import end_effector_poses
 from geodesic_motion_ros.robot.kinematics import Robot, contiguous
@@ -49,7 +49,9 @@ class DemonstratedSpread:
     @classmethod
     def of(cls, skill: Skill, robot: Robot) -> DemonstratedSpread:
         """The spread of the demonstrations on which a skill was trained, as it decodes them; in the skill's frame."""
-        positions = _decoded_positions(skill, robot)
+        codes = skill.codes.reshape(-1, skill.codes.shape[-1])
+        positions = OutputSpace.of(skill).tool_positions(skill.decoder, codes, robot)
+        positions = positions.reshape(*skill.codes.shape[:2], 3)
         modes = np.zeros(len(positions), dtype=int) if skill.canonical is None else skill.canonical.modes
         members = [positions[modes == mode] for mode in range(int(modes.max()) + 1)]
         scatter = [np.einsum("isa,isb->sab", own - own.mean(axis=0), own - own.mean(axis=0)) for own in members]
@@ -69,17 +71,6 @@ class DemonstratedSpread:
 def demonstrated_mode(shares: np.ndarray) -> int:
     """The mode with the largest of shares (m, K) in the mean; the only one where K is 0."""
     return int(np.argmax(shares.mean(axis=0))) if shares.shape[1] else 0
-
-
-def _decoded_positions(skill: Skill, robot: Robot) -> np.ndarray:
-    """Tool positions (N, S, 3) [m] along the demonstrations' codes."""
-    count, samples, dimension = skill.codes.shape
-    codes = skill.codes.reshape(-1, dimension)
-    if isinstance(skill.decoder, TaskSpaceDecoder):
-        positions = skill.decoder.poses(codes)[0]
-    else:
-        positions = end_effector_poses(contiguous(skill.decoder.configurations(codes)), robot.chain)[0]
-    return positions.reshape(count, samples, 3)
 
 
 @dataclass(frozen=True)

@@ -8,19 +8,16 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from geodesic_motion_ros.geometry.task_frame import TaskFrame
-from geodesic_motion_ros.manifold.pose_graph import PoseGraph
 from geodesic_motion_ros.obstacles.obstacles import Obstacles
-from geodesic_motion_ros.planning import settings as constants
-from geodesic_motion_ros.planning.configuration_query import ConfigurationQueryBuilder
 from geodesic_motion_ros.planning.detour import COVERED_END, Detour, DetourPlanner, DetourRequest, without_detour
 from geodesic_motion_ros.planning.mission import Goal, GoalRequest, Query
+from geodesic_motion_ros.planning.output_space import QueryBuilder
 from geodesic_motion_ros.planning.plan import MotionState, Plan
 from geodesic_motion_ros.planning.played import Followed
 from geodesic_motion_ros.planning.pose_query import Pose
 from geodesic_motion_ros.planning.settings import PlannerSettings
 from geodesic_motion_ros.planning.solver import Solver
 from geodesic_motion_ros.planning.status import Verdict, VerdictCode
-from geodesic_motion_ros.planning.tool_query import ToolQueryBuilder
 from geodesic_motion_ros.robot.collision_model import CollisionModel
 from geodesic_motion_ros.robot.held_objects import HeldObject
 from geodesic_motion_ros.robot.limits import JointLimits
@@ -39,18 +36,16 @@ class GuardedArm:
     objects: tuple[HeldObject, ...]
     collision: CollisionModel
     solver: Solver
-    queries: ConfigurationQueryBuilder | ToolQueryBuilder
+    queries: QueryBuilder
     detours: DetourPlanner
 
     @classmethod
     def of(cls, solver: Solver) -> GuardedArm:
         """The arm of a solver, which holds nothing."""
-        skill, graph, settings, collision = solver.skill, solver.graph, solver.settings, solver.collision
-        queries: ConfigurationQueryBuilder | ToolQueryBuilder
-        if isinstance(graph, PoseGraph):
-            queries = ToolQueryBuilder(skill, graph, settings, solver.robot, collision, solver.scene)
-        else:
-            queries = ConfigurationQueryBuilder(skill, graph, settings, collision, solver.scene)
+        collision = solver.collision
+        queries = solver.space.queries(
+            solver.skill, solver.graph, solver.settings, solver.robot, collision, solver.scene
+        )  # fmt: skip
         return cls(collision, (), collision, solver, queries, DetourPlanner(solver))
 
     def changed(self, objects: Sequence[HeldObject], settings: PlannerSettings) -> GuardedArm:
@@ -75,16 +70,6 @@ class GuardedArm:
             return old.limits
         return JointLimits.of(old.robot, settings.speed_scale, settings.acceleration_scale)
 
-    def start(self, pose: Pose, commanded: np.ndarray | None) -> np.ndarray | Verdict:
-        """The configuration (eta,) in which a plan from a tool pose begins: the commanded one, where that holds the
-        tool there; else one near those demonstrated, or near `Robot.ready`.
-        """
-        if commanded is not None and isinstance(self.queries, ToolQueryBuilder):
-            here = Pose(*self.solver.robot.forward(commanded))
-            if here.is_within(pose, constants.SAME_START):
-                return commanded
-        return self.queries.start_by_pose(pose)
-
     def goal(self, request: GoalRequest, frame: TaskFrame) -> Goal | Verdict:
         """The goal of a request, or why the request is refused; frame : the task frame."""
         if request.configuration is not None:
@@ -101,20 +86,6 @@ class GuardedArm:
                 f"{robot.reach:.2f} m",
             )
         return self.queries.goal_by_pose(pose, frame)
-
-    def goal_in_place(self, request: GoalRequest, frame: TaskFrame, standing: np.ndarray) -> Goal | None:
-        """The configuration (eta,) in which the arm stands as the goal of a request, where that holds the tool in the
-        requested pose already: another one would turn the elbow for nothing. None where it does not; where the skill
-        shows just such a turn; and of a skill of tool poses, whose posture follows from the start anyway.
-        """
-        if request.pose is None or not isinstance(self.queries, ConfigurationQueryBuilder):
-            return None
-        here, skill = Pose(*self.solver.robot.forward(standing)), self.solver.skill
-        start, end = (Pose(*np.split(given, [3])) for given in (skill.start_pose, skill.goal_pose))
-        if not here.is_within(request.pose, constants.SAME_GOAL) or start.is_within(end, constants.SAME_START):
-            return None
-        goal = self.queries.goal_by_configuration(standing, frame)
-        return None if isinstance(goal, Verdict) else replace(goal, stated="the configuration in which the arm stands")
 
     def query_from(self, state: MotionState, followed: Followed | None, goal: Goal) -> Query | Verdict:
         """The query to a goal from where the stream is: the followed one redirected, so that the motion goes on

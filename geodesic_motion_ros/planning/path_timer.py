@@ -54,15 +54,16 @@ class PathTimer:
     def __init__(
         self,
         graph: ConfigurationGraph | PoseGraph,
+        smoothing: float,
         settings: PlannerSettings,
         limits: JointLimits,
         tool: LimitedTool,
         certifier: ArmCertifier,
     ) -> None:
+        """smoothing : as of `OutputSpace`."""
         self._step = graph.grid.step
         self._width = constants.REFINED_WIDTH if settings.refine else constants.UNREFINED_WIDTH
-        factor = constants.TOOL_SMOOTHING_FACTOR if isinstance(graph, PoseGraph) else 1.0
-        self._joint_width = factor * self._width
+        self._joint_width = smoothing * self._width
         self._limits, self._tool, self._certifier = limits, tool, certifier
 
     def timed(

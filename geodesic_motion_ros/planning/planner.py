@@ -39,9 +39,7 @@ from geodesic_motion_ros.planning.situation import Situation
 from geodesic_motion_ros.planning.solver import Solver
 from geodesic_motion_ros.planning.status import Verdict, VerdictCode
 from geodesic_motion_ros.planning.stream import Stream
-from geodesic_motion_ros.planning.tool_query import ToolQueryBuilder
 from geodesic_motion_ros.planning.tracking import Tracking
-from geodesic_motion_ros.planning.turns import in_turn_of
 from geodesic_motion_ros.planning.warm_up import load_kernels
 from geodesic_motion_ros.robot.collision_model import CollisionModel
 from geodesic_motion_ros.robot.held_objects import HeldObject, check_held
@@ -101,8 +99,9 @@ class ReactivePlanner:
         self.graph: ConfigurationGraph | PoseGraph = skill.graph(settings.grid_shape, settings.neighbours)
         limits = JointLimits.of(self.robot, settings.speed_scale, settings.acceleration_scale)
         self.may_detour, self.scene = scene is not None, scene or DeclaredScene.empty()
-        check_demonstrations(self.scene, skill, self.robot, of_arm)
         solver = Solver(skill, self.graph, settings, self.robot, guarded, limits, self.scene)
+        if self.scene.names:
+            check_demonstrations(self.scene, skill, *solver.space.demonstrated_spheres(skill, self.robot, of_arm))
         self._arm, self._stream = GuardedArm.of(solver), Stream(solver.certifier)
         self._worker = detours or DetourWorker(DETOUR_DELAY)
         self._inputs = Inputs(Obstacles.none(), settings.obstacle_position_error, Tracking(), TaskFrame.identity())
@@ -196,8 +195,8 @@ class ReactivePlanner:
         kept = not isinstance(goal, Verdict) and self._mission.needs_no_query(goal)
         begin = self._ticked + self.settings.latency
         state = None if kept or played is None else played.state_at_switch(begin, followed)
-        if state is not None and not np.any(state.velocity):
-            goal = self._arm.goal_in_place(request, frame, state.position) or goal
+        if state is not None and not np.any(state.velocity) and request.pose is not None:
+            goal = self._arm.queries.goal_in_place(request.pose, frame, state.position) or goal
         if isinstance(goal, Verdict):
             return goal
         prepared = PreparedGoal(request, frame, goal, None, generation)
@@ -244,7 +243,7 @@ class ReactivePlanner:
         if pose is None:
             return Verdict(VerdictCode.BAD_INPUT, reason)
         frame = TaskFrame(pose.position, pose.quaternion)
-        if not (frame.is_identity or isinstance(self._arm.queries, ToolQueryBuilder)):
+        if not (frame.is_identity or self._arm.queries.follows_task_frame):
             reason = "a skill of joint space cannot follow a task frame that is not the base frame"
             return Verdict(VerdictCode.BAD_INPUT, reason)
         self._inputs = replace(self._inputs, frame=frame)
@@ -435,9 +434,7 @@ class ReactivePlanner:
             checked = self.robot.checked(configuration)
         except RobotError as error:
             return None, f"{what}: {error}"
-        if isinstance(self.graph, ConfigurationGraph):
-            checked = in_turn_of(self.graph.configurations, checked, self.robot)
-        return checked, ""
+        return self._arm.queries.in_turn(checked), ""
 
     # ------------------------------------------------------------- planning
 
@@ -546,7 +543,7 @@ class ReactivePlanner:
                 return Plan(None, 0.0, Verdict(VerdictCode.BAD_INPUT, reason))
             ends.append(pose)
         commanded = self._stream.commanded(self._ticked)
-        start = self._arm.start(ends[0], None if commanded is None else commanded[0])
+        start = self._arm.queries.start_by_pose(ends[0], None if commanded is None else commanded[0])
         goal = self._arm.queries.goal_by_pose(ends[1], self._inputs.frame)
         for found in (start, goal):
             if isinstance(found, Verdict):

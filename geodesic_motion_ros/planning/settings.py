@@ -269,9 +269,8 @@ class PlannerSettings:
         "angular_speed", "acceleration", "detour", "patience",
     )  # fmt: skip
 
-    def tool_limits(self, of_tool_poses: bool) -> ToolLimits:
-        """Limits of the tool with a skill of tool poses, or with one of configurations."""
-        default = TOOL_LIMITS if of_tool_poses else ToolLimits()
+    def tool_limits(self, default: ToolLimits) -> ToolLimits:
+        """Limits of the tool: by default those of the skill's space."""
         chosen = {field.name: getattr(self, field.name) for field in fields(ToolLimits)}
         return replace(default, **{name: value for name, value in chosen.items() if value is not None})
 

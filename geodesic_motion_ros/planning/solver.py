@@ -23,9 +23,9 @@ from geodesic_motion_ros.planning.arm_in_scene import ArmInScene
 from geodesic_motion_ros.planning.certificate import ArmCertifier, Certificate
 from geodesic_motion_ros.planning.declared_scene import DeclaredScene
 from geodesic_motion_ros.planning.evasion_targets import displaced_paths, paths_to_targets
+from geodesic_motion_ros.planning.output_space import OutputSpace
 from geodesic_motion_ros.planning.path_timer import PathTimer, TimedPath, meeting
 from geodesic_motion_ros.planning.plan import Approach, ArmQuery, MotionState, PathEnds, Plan
-from geodesic_motion_ros.planning.pose_query import Pose
 from geodesic_motion_ros.planning.requirement import Requirement, Requirements
 from geodesic_motion_ros.planning.retry import Workings
 from geodesic_motion_ros.planning.search import (
@@ -81,12 +81,12 @@ class Solver:
         self.scene = scene or DeclaredScene.empty()
         self.skill, self.graph, self.settings, self.robot = skill, graph, settings, robot
         self.collision, self.limits = collision, limits
-        of_tool_poses = isinstance(graph, PoseGraph)
-        self.tool = LimitedTool(robot, settings.tool_limits(of_tool_poses))
+        self.space = OutputSpace.of(skill)
+        self.tool = LimitedTool(robot, settings.tool_limits(self.space.tool_limits))
         self.requirements = Requirements.of(settings)
         self.attempts = constants.ATTEMPTS
         self.certifier = ArmCertifier(robot, collision, self.scene)
-        self._timer = PathTimer(graph, settings, limits, self.tool, self.certifier)
+        self._timer = PathTimer(graph, self.space.smoothing, settings, limits, self.tool, self.certifier)
 
     @property
     def cautious(self) -> tuple[Attempt, ...]:
@@ -182,12 +182,8 @@ class Solver:
 
     def _stands_at_goal(self, query: ArmQuery, state: MotionState) -> bool:
         """Whether the arm stands in the goal configuration; with a skill of tool poses, its tool in the goal pose."""
-        if np.any(state.velocity) or np.any(state.acceleration):
-            return False
-        if not isinstance(self.graph, PoseGraph):
-            return bool(np.max(np.abs(query.goal - state.position)) <= constants.SAME_CONFIGURATION)
-        here, goal = (Pose(*self.robot.forward(configuration)) for configuration in (state.position, query.goal))
-        return here.is_within(goal, constants.SAME_GOAL)
+        moves = np.any(state.velocity) or np.any(state.acceleration)
+        return not moves and self.space.is_there(self.robot, state.position, query)
 
     def _staying(
         self, query: ArmQuery, state: MotionState, obstacles: Obstacles, requirement: Requirement, ends: float

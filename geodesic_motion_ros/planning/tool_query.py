@@ -162,6 +162,8 @@ def _in_task(frame: TaskFrame, pose: Pose) -> Pose:
 class ToolQueryBuilder:
     """Finds where on the manifold start and goal lie, and holds the graph between them."""
 
+    follows_task_frame = True
+
     def __init__(
         self,
         skill: Skill,
@@ -204,8 +206,19 @@ class ToolQueryBuilder:
         """The pose of the tool in a configuration (eta,) [rad]; the posture at the goal follows from the start."""
         return self.goal_by_pose(self._pose(configuration), frame)
 
-    def start_by_pose(self, pose: Pose) -> np.ndarray | Verdict:
-        """The configuration (eta,) nearest to `ready` that holds the tool in a pose."""
+    def goal_in_place(self, pose: Pose, frame: TaskFrame, standing: np.ndarray) -> ToolGoal | None:
+        """None: the posture at the goal follows from the start anyway."""
+
+    def in_turn(self, configuration: np.ndarray) -> np.ndarray:
+        """The configuration (eta,) itself: nodes are held from where the arm is."""
+        return configuration
+
+    def start_by_pose(self, pose: Pose, commanded: np.ndarray | None = None) -> np.ndarray | Verdict:
+        """The configuration (eta,) that holds the tool in a pose: the commanded one, where that does; else the one
+        nearest to `ready`.
+        """
+        if commanded is not None and self._pose(commanded).is_within(pose, constants.SAME_START):
+            return commanded
         try:
             return solve(self._robot, pose.position, pose.quaternion)
         except RobotError as error:

@@ -26,7 +26,7 @@ OFFSETS = 0.1, 0.5
 @pytest.fixture(scope="module", params=["paper_pouring", "paper_reach"])
 def planner(request) -> PaperPlanner:
     skill = Skill.load(request.param)
-    shape, strength = ((12, 12, 12), 1e3) if skill.space == "joint" else ((40, 40), 1e9)
+    shape, strength = ((16, 16, 16), 1e3) if skill.space == "joint" else ((40, 40), 1e9)
     return PaperPlanner(skill, PaperSettings(strength), shape)
 
 

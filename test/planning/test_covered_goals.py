@@ -12,8 +12,9 @@ from geodesic_motion_ros.geometry.distance_field import DistanceField
 from geodesic_motion_ros.obstacles.obstacles import Obstacles
 from geodesic_motion_ros.planning import settings as constants
 from geodesic_motion_ros.planning.arm_clearance import obstacle_clearance
-from geodesic_motion_ros.planning.declared_scene import DeclaredScene, demonstrated_spheres
+from geodesic_motion_ros.planning.declared_scene import DeclaredScene
 from geodesic_motion_ros.planning.mode import Mode
+from geodesic_motion_ros.planning.output_space import OutputSpace
 from geodesic_motion_ros.planning.plan import Plan
 from geodesic_motion_ros.planning.planner import ReactivePlanner
 from geodesic_motion_ros.planning.settings import PlannerSettings
@@ -265,7 +266,7 @@ def test_a_goal_that_the_declared_scene_covers_is_approached(name: str) -> None:
     moving, radii = collision.moving, collision.radii[collision.moving]
     along = goal[:3] - skill.start_pose[:3]
     along /= np.linalg.norm(along)
-    shown, shown_radii = demonstrated_spheres(skill, robot, collision)
+    shown, shown_radii = OutputSpace.of(skill).demonstrated_spheres(skill, robot, collision)
     nominal = collision.positions(robot, np.array(free.nominal.positions))[:, moving]
     wall = max(float(np.max(shown @ along + shown_radii)), float(np.max(nominal @ along + radii))) + 1e-3
     goal[:3] += (wall - float(np.max(nominal[-1] @ along + radii)) + 0.01) * along

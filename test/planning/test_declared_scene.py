@@ -11,7 +11,8 @@ import pytest
 import yaml
 
 from geodesic_motion_ros.obstacles.obstacles import Obstacles
-from geodesic_motion_ros.planning.declared_scene import DeclaredScene, demonstrated_spheres
+from geodesic_motion_ros.planning.declared_scene import DeclaredScene
+from geodesic_motion_ros.planning.output_space import OutputSpace
 from geodesic_motion_ros.planning.plan import Plan
 from geodesic_motion_ros.planning.planner import ReactivePlanner
 from geodesic_motion_ros.planning.settings import PlannerSettings
@@ -171,7 +172,7 @@ def test_a_detour_stays_out_of_the_scene(skill: Skill, alone) -> None:
     assert free.verdict.ok
     directions = np.random.default_rng(0).normal(size=(300, 3))
     directions /= np.linalg.norm(directions, axis=1)[:, None]
-    shown = demonstrated_spheres(skill, planner.robot, planner.collision)
+    shown = OutputSpace.of(skill).demonstrated_spheres(skill, planner.robot, planner.collision)
     within = np.maximum(
         reaches(*shown, directions), reaches(*placed(planner, alone.reference.positions), directions)
     )
@@ -196,7 +197,7 @@ def test_an_arm_that_stands_in_the_scene_is_located(skill: Skill, alone) -> None
     beside = start + 0.25 * np.eye(7)[0] + 0.15 * np.eye(7)[5]
     if skill.space == "task":
         beside = start
-    shown = demonstrated_spheres(skill, planner.robot, planner.collision)
+    shown = OutputSpace.of(skill).demonstrated_spheres(skill, planner.robot, planner.collision)
     candidates = np.random.default_rng(1).normal(size=(300, 3))
     candidates /= np.linalg.norm(candidates, axis=1)[:, None]
     ahead = reaches(*placed(planner, beside[None]), candidates) - reaches(*shown, candidates)

@@ -15,7 +15,7 @@ from geodesic_motion_ros.planning.plan import MotionState
 from geodesic_motion_ros.planning.search import LatentPath, cheapest_path
 from geodesic_motion_ros.studies.benchmarks.engine import mark
 from geodesic_motion_ros.studies.benchmarks.stages import SkillBench
-from geodesic_motion_ros.trajectory.limited_tool import LimitedTool
+from geodesic_motion_ros.trajectory.limited_tool import LimitedTool, ToolLimits
 
 
 @pytest.fixture(scope="module")
@@ -34,9 +34,9 @@ def path(bench: SkillBench) -> LatentPath:
 @pytest.fixture
 def timer(bench: SkillBench) -> PathTimer:
     planner = bench.planner
-    tool = LimitedTool(planner.robot, planner.settings.tool_limits(False))
+    tool = LimitedTool(planner.robot, planner.settings.tool_limits(ToolLimits()))
     certifier = ArmCertifier(planner.robot, planner.collision)
-    return PathTimer(planner.graph, planner.settings, planner.limits, tool, certifier)
+    return PathTimer(planner.graph, 1.0, planner.settings, planner.limits, tool, certifier)
 
 
 def resting(bench: SkillBench) -> MotionState:
