@@ -278,7 +278,7 @@ class GraspJointReport(Report):
                 for answer in answers if answer.played is not None
             ]  # fmt: skip
             spheres = [Sphere(centre, RADIUS, centre[None]) for centre in answers[0].scene.centres]
-            handles = draw_latent_tubes(figure, grid[0, column], self.drawn[drawn], paths, spheres, title, zoom=0.85)
+            handles = draw_latent_tubes(figure, grid[0, column], self.drawn[drawn], paths, spheres, title, zoom=0.75)
             named |= {str(handle.get_label()): handle for handle in handles}
         for row, (name, answer) in enumerate(strips, start=1):
             title = f"{'def'[row - 1]}  {name}, {_caption(answer)}"
