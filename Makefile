@@ -40,19 +40,20 @@ demo: $(kernels) ## a Panda takes its elbow out of a moving obstacle's path: two
 	@MPLBACKEND=Agg $(python) -m geodesic_motion_ros demo $(ARGS) < /dev/null
 
 # Three on two cores: many tests wait. A worker of the studies may take 6 GB.
-test: lint $(kernels) ## ruff, then the tests of the product, three at a time
+test: lint $(kernels) ## ruff and mypy, then the tests of the product, three at a time
 	@$(pytest) --numprocesses=3 --ignore=test/studies $(ARGS) < /dev/null
 
 test-all: test ## these, then the tests of the studies and the whole demos
 	@$(pytest) --numprocesses=auto --maxprocesses=2 test/studies $(ARGS) < /dev/null
 
-lint: $(ready) ## ruff
+lint: $(ready) ## ruff, and mypy over what plans
 	@$(python) -m ruff check .
+	@$(python) -m mypy
 
 setup: $(kernels) ## .venv with the pinned requirements, kernels compiled, large latent graphs made; nothing more
 
 clean: ## removes out/ and what builds and tools leave behind
-	rm -rf out build install log .pytest_cache .ruff_cache .hypothesis
+	rm -rf out build install log .pytest_cache .ruff_cache .mypy_cache .hypothesis
 	@find . -path ./.venv -prune -o -name __pycache__ -type d -prune -exec rm -rf {} +
 
 distclean: clean ## clean, and .venv too

@@ -60,7 +60,7 @@ setup(
         # Methods that `geodesic-motion benchmark` compares with; what is not installed is left out there.
         "benchmark": ["movement_primitives", "pytransform3d", "ompl", "pin", "pin-pink", "daqp"],
         "timing": PEER_LIBRARIES,
-        "test": ["hypothesis", "mpmath", "pytest", "pytest-xdist", "ruff"],
+        "test": ["hypothesis", "mpmath", "mypy", "pytest", "pytest-xdist", "ruff"],
     },
     data_files=[
         ("share/ament_index/resource_index/packages", [f"resource/{NAME}"]),

@@ -218,7 +218,7 @@ def field_distance(x: float, y: float, z: float, squares: np.ndarray, placing: n
 
 
 @numba.njit(cache=True, nogil=True)
-def _cube(at: float, count: int) -> tuple[int, float]:
+def _cube(at: float, count: int) -> tuple[np.uint32, float]:
     """Number of a cube and share of the step to the next, of so many along an axis.
 
     Beyond the rim, where no point of the cloud is near, the distance is that on the rim.

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import compress
+from typing import Any
 
 import numpy as np
 
@@ -181,7 +182,7 @@ class Obstacles:
         solid_fields = "solids", "solid_velocities", "solid_ages", "solid_velocity_errors"
         return replace(self, **self._distinct(fields, "names"), **self._distinct(solid_fields, "solid_names"))
 
-    def _distinct(self, fields: tuple[str, ...], names: str) -> dict[str, np.ndarray | tuple[str, ...]]:
+    def _distinct(self, fields: tuple[str, ...], names: str) -> dict[str, Any]:
         """Values of several fields, of as many obstacles each, without obstacles of which all are the same, and their
         names.
         """
@@ -215,11 +216,12 @@ class Obstacles:
         count = len(solids)
         if not count:
             return self
-        more = {"solid_velocities": np.zeros((count, 3)), "solid_ages": np.zeros(count),
-                "solid_velocity_errors": np.zeros(count), "solids": solids}
         return replace(
-            self, solid_names=(), **{name: np.concatenate([getattr(self, name), added]) for name, added in more.items()}
-        )
+            self, solid_names=(), solids=np.concatenate([self.solids, solids]),
+            solid_velocities=np.concatenate([self.solid_velocities, np.zeros((count, 3))]),
+            solid_ages=np.concatenate([self.solid_ages, np.zeros(count)]),
+            solid_velocity_errors=np.concatenate([self.solid_velocity_errors, np.zeros(count)]),
+        )  # fmt: skip
 
     def throughout(self, duration: float) -> Obstacles:
         """Each of them so large that it covers where it is from its time on for so long [s]."""

@@ -122,7 +122,8 @@ class Track:
         # A point of a box is off by what the extents are off, and by what the rotation turns it: both singular values
         # of the difference of two rotations that are not zero are the same.
         turned = math.sqrt(0.5) * np.linalg.norm(self.solid[7:] - other.solid[7:])
-        off += np.linalg.norm(self.solid[3:6] - other.solid[3:6]) + turned * np.linalg.norm(other.solid[3:6])
+        extents = np.linalg.norm(self.solid[3:6] - other.solid[3:6]) + turned * np.linalg.norm(other.solid[3:6])
+        off += float(extents)
         return off <= self.solid[6] - other.solid[6] <= by
 
     def places(self, now: float, most: int) -> list[Place]:

@@ -200,8 +200,8 @@ class ObstacleTracker:
             return False
         self.hear(source, now, transit, forget_after)
         expires = now + lifetime if lifetime > 0.0 else math.inf
-        detected = tuple(float(c) for c in centre)
-        detection = Track(detected, float(radius), now, taken, expires, solid)
+        x, y, z = (float(c) for c in centre)
+        detection = Track((x, y, z), float(radius), now, taken, expires, solid)
         obstacle.see(detection, now - transit, self._noise.get(source, 0.0))
         if obstacle.newest.motion.noise.deviation:
             self._noise[source] = obstacle.newest.motion.noise.deviation

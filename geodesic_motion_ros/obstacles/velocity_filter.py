@@ -178,7 +178,8 @@ class ObstacleMotion:
         since = time - begin - middle
         self.place, self.place_error, self._velocity_error = detected, 0.0, 0.0
         if deviation:
-            self.place = tuple(o + p + since * v for o, p, v in zip(origin, mean, self.velocity, strict=True))
+            x, y, z = (o + p + since * v for o, p, v in zip(origin, mean, self.velocity, strict=True))
+            self.place = x, y, z
             self.place_error = BOUND * math.hypot(deviation / math.sqrt(count), since * velocity_deviation)
             self._velocity_error = 0.0 if stands else BOUND * velocity_deviation
             self._allow_for_turn(deviation)

@@ -14,8 +14,9 @@ from dataclasses import dataclass, replace
 from geodesic_motion_ros.planning.detour import DetourRequest, without_detour
 from geodesic_motion_ros.planning.guarded_arm import GuardedArm
 from geodesic_motion_ros.planning.memory import AttemptMemory
-from geodesic_motion_ros.planning.mission import Mission, Query
+from geodesic_motion_ros.planning.mission import Mission
 from geodesic_motion_ros.planning.mode import Purpose
+from geodesic_motion_ros.planning.plan import ArmQuery
 from geodesic_motion_ros.planning.played import Followed, Step
 from geodesic_motion_ros.planning.proposers.approach import Approach, KeptApproach
 from geodesic_motion_ros.planning.proposers.evasion import Evasion, KeptEvasion
@@ -44,7 +45,7 @@ class Decision:
     """
 
     step: Step
-    query: Query | None
+    query: ArmQuery | None
     memory: AttemptMemory
     detour: DetourRequest | None = None
 

@@ -14,7 +14,7 @@ from geodesic_motion_ros.obstacles.obstacles import Obstacles
 from geodesic_motion_ros.planning.seen_volume import SeenVolume, is_inside
 from geodesic_motion_ros.robot.body_points import joint_terms, mounted, place_joints
 from geodesic_motion_ros.robot.collision_model import CollisionModel
-from geodesic_motion_ros.robot.kinematics import Robot
+from geodesic_motion_ros.robot.kinematics import Chain, Robot
 
 
 class ArmInScene(NamedTuple):
@@ -30,7 +30,7 @@ class ArmInScene(NamedTuple):
     seen : where the moving spheres may be.
     """
 
-    chain: tuple[np.ndarray, ...]
+    chain: Chain
     lower: np.ndarray
     upper: np.ndarray
     terms: np.ndarray

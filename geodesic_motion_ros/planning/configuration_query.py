@@ -28,7 +28,7 @@ from geodesic_motion_ros.planning.settings import (
     SAME_TASK_JOINTS,
     PlannerSettings,
 )
-from geodesic_motion_ros.planning.status import Verdict, VerdictCode
+from geodesic_motion_ros.planning.status import Figures, Verdict, VerdictCode
 from geodesic_motion_ros.planning.transported_query import (
     AlongMeanPaths,
     End,
@@ -40,6 +40,7 @@ from geodesic_motion_ros.planning.turns import in_turn_of
 from geodesic_motion_ros.robot.body_points import end_effector_poses
 from geodesic_motion_ros.robot.collision_model import CollisionModel, self_clearance
 from geodesic_motion_ros.robot.inverse_kinematics import solve
+from geodesic_motion_ros.skill.joint_sheet import JointSheet
 from geodesic_motion_ros.skill.sheet import beyond_demonstrated
 from geodesic_motion_ros.skill.skill import ENDPOINT_MULTIPLE, Skill
 from geodesic_motion_ros.utils.errors import RobotError
@@ -88,7 +89,7 @@ class _End:
     beyond: np.ndarray
     task_offset: np.ndarray
 
-    def misfits(self, name: End) -> dict[str, float]:
+    def misfits(self, name: End) -> Figures:
         """Under their names in a Verdict, [rad] over all joints."""
         sizes = (np.linalg.norm(self.requested - self.decoded), np.linalg.norm(self.beyond))
         return {f"{name}_offset": float(sizes[0]), f"{name}_beyond": float(sizes[1])}
@@ -133,6 +134,8 @@ class ConfigurationQueryBuilder(TransportedQueryBuilder):
     ) -> None:
         """graph : decoded from the skill; collision : of its robot; scene : what always stands around it."""
         super().__init__(skill, graph, settings, len(graph.robot.joint_names), scene)
+        assert skill.canonical is None or isinstance(skill.canonical, JointSheet)
+        self._sheet = skill.canonical
         self._robot, self._collision, self._links = graph.robot, collision, LinkBounds.of(collision)
         self._point_radii = np.full(len(graph.body), settings.body_radius)
         still = graph.transported(JointOffsets.none(self._robot, graph.mean_path_count), self._unconditioned[1])
@@ -255,7 +258,7 @@ class ConfigurationQueryBuilder(TransportedQueryBuilder):
     # ------------------------------------------------------------------- ends
 
     def _find_poles(self, end: End) -> list[_End]:
-        sheet = self._skill.canonical
+        sheet = self._sheet
         if sheet is None:
             return []
         groups, means = (
@@ -277,9 +280,9 @@ class ConfigurationQueryBuilder(TransportedQueryBuilder):
 
     def _end(self, name: End, requested: np.ndarray, piece: int) -> _End | None:
         """Where a connected piece meets a configuration; None where none of it is trusted."""
-        sheet = self._skill.canonical
-        ends = []
+        sheet, ends = self._sheet, []
         for group, pole in enumerate(self._poles[name]):
+            assert sheet is not None
             if self._graph.component[pole.node] != piece:
                 continue
             demonstrated = sheet.start_offsets[sheet.start_groups == group]

@@ -20,9 +20,8 @@ from geodesic_motion_ros.planning.arm_in_scene import ArmInScene
 from geodesic_motion_ros.planning.detour_band import Band, drawn_tight
 from geodesic_motion_ros.planning.detour_frame import DemonstratedSpread, DetourFrame, demonstrated_mode, deviations
 from geodesic_motion_ros.planning.detour_search import LatticePath, cheapest_detour
-from geodesic_motion_ros.planning.mission import Goal, Query
 from geodesic_motion_ros.planning.path_smoothing import resample_latent, smooth_latent
-from geodesic_motion_ros.planning.plan import ArmQuery, MotionState, PathEnds, Plan
+from geodesic_motion_ros.planning.plan import ArmGoal, ArmQuery, MotionState, PathEnds, Plan
 from geodesic_motion_ros.planning.retry import Question
 from geodesic_motion_ros.planning.seen_volume import SeenVolume
 from geodesic_motion_ros.planning.solver import Solver
@@ -50,8 +49,8 @@ class DetourRequest:
     reach : how far the tool may leave what was demonstrated [m].
     """
 
-    query: Query
-    goal: Goal
+    query: ArmQuery
+    goal: ArmGoal
     obstacles: Obstacles
     reach: float
     position: np.ndarray

@@ -71,7 +71,8 @@ def drawn_tight(frame: DetourFrame, arm: ArmInScene, path: LatticePath, reach: f
         even = np.linspace(0.0, lengths[-1], max(len(frame), math.ceil(lengths[-1] / spacing) + 1))
         points, near = interpolated(even, lengths, points), interpolated(even, lengths, configurations)
         local = _at(frame, points[:, 0] / frame.step)
-        configurations = _solve_all(*local[:4], points, near, arm)
+        positions, quaternions, on_path, nulls = local[:4]
+        configurations = _solve_all(positions, quaternions, on_path, nulls, points, near, arm)
         if not len(configurations):
             return None
         _draw(*local, points, configurations, arm, reach, margin, _ROUNDS)
@@ -101,7 +102,9 @@ def _lengths(points: np.ndarray) -> np.ndarray:
     return np.append(0.0, np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1)))
 
 
-def _at(frame: DetourFrame, progress: np.ndarray) -> tuple[np.ndarray, ...]:
+def _at(
+    frame: DetourFrame, progress: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """Positions, quaternions, postures, null vectors and precisions at progress (m,), in numbers of samples."""
     samples = np.arange(float(len(frame)))
     positions, quaternions, postures, nulls, precisions = (

@@ -379,7 +379,7 @@ def _leads(q: np.ndarray, other: np.ndarray, between: np.ndarray, arm: ArmInScen
 
 
 @numba.njit(cache=True, nogil=True)
-def _bits(word: int) -> int:
+def _bits(word: np.uint64) -> int:
     count = 0
     while word:
         word &= word - np.uint64(1)

@@ -10,9 +10,9 @@ import numpy as np
 from geodesic_motion_ros.geometry.task_frame import TaskFrame
 from geodesic_motion_ros.obstacles.obstacles import Obstacles
 from geodesic_motion_ros.planning.detour import COVERED_END, Detour, DetourPlanner, DetourRequest, without_detour
-from geodesic_motion_ros.planning.mission import Goal, GoalRequest, Query
+from geodesic_motion_ros.planning.mission import GoalRequest
 from geodesic_motion_ros.planning.output_space import QueryBuilder
-from geodesic_motion_ros.planning.plan import MotionState, Plan
+from geodesic_motion_ros.planning.plan import ArmGoal, ArmQuery, MotionState, Plan
 from geodesic_motion_ros.planning.played import Followed
 from geodesic_motion_ros.planning.pose_query import Pose
 from geodesic_motion_ros.planning.settings import PlannerSettings
@@ -43,7 +43,7 @@ class GuardedArm:
     def of(cls, solver: Solver) -> GuardedArm:
         """The arm of a solver, which holds nothing."""
         collision = solver.collision
-        queries = solver.space.queries(
+        queries: QueryBuilder = solver.space.queries(
             solver.skill, solver.graph, solver.settings, solver.robot, collision, solver.scene
         )  # fmt: skip
         return cls(collision, (), collision, solver, queries, DetourPlanner(solver))
@@ -70,7 +70,7 @@ class GuardedArm:
             return old.limits
         return JointLimits.of(old.robot, settings.speed_scale, settings.acceleration_scale)
 
-    def goal(self, request: GoalRequest, frame: TaskFrame) -> Goal | Verdict:
+    def goal(self, request: GoalRequest, frame: TaskFrame) -> ArmGoal | Verdict:
         """The goal of a request, or why the request is refused; frame : the task frame."""
         if request.configuration is not None:
             return self.queries.goal_by_configuration(request.configuration, frame)
@@ -87,7 +87,7 @@ class GuardedArm:
             )
         return self.queries.goal_by_pose(pose, frame)
 
-    def query_from(self, state: MotionState, followed: Followed | None, goal: Goal) -> Query | Verdict:
+    def query_from(self, state: MotionState, followed: Followed | None, goal: ArmGoal) -> ArmQuery | Verdict:
         """The query to a goal from where the stream is: the followed one redirected, so that the motion goes on
         smoothly; a new one where the arm is at an end of its path.
         """
@@ -97,7 +97,7 @@ class GuardedArm:
                 return query
         return self.queries.build(state.position, goal)
 
-    def plan_from_rest(self, start: np.ndarray, goal: Goal, obstacles: Obstacles, reach: float) -> Plan:
+    def plan_from_rest(self, start: np.ndarray, goal: ArmGoal, obstacles: Obstacles, reach: float) -> Plan:
         """The plan from rest in a configuration (eta,) [rad] to a goal; where there is no path, along a detour of up
         to a reach [m].
         """
@@ -114,7 +114,7 @@ class GuardedArm:
             return without_detour(plan, reach, detour)
         return self.detours.plan(detour, state, obstacles)
 
-    def detour(self, query: Query, obstacles: Obstacles, reach: float) -> Detour | str:
+    def detour(self, query: ArmQuery, obstacles: Obstacles, reach: float) -> Detour | str:
         """The cheapest detour of up to `reach` [m], or why there is none; where an obstacle covers an end, in the first
         of the other postures that has one.
         """
@@ -128,12 +128,12 @@ class GuardedArm:
     def requested_detour(self, request: DetourRequest, latent: np.ndarray | None, obstacles: Obstacles) -> Detour | str:
         """The detour that is requested, from where the arm stands, at a latent point (d,), among expected obstacles."""
         query = request.query
-        here: Query | Verdict | None = query
-        if not np.array_equal(query.start, request.position):
-            here = None
-            if latent is not None:
-                here = self.queries.redirected(query, request.position, latent, request.goal)
-            here = here or self.queries.build(request.position, request.goal)
+        if np.array_equal(query.start, request.position):
+            return self.detour(query, obstacles, request.reach)
+        here = None
+        if latent is not None:
+            here = self.queries.redirected(query, request.position, latent, request.goal)
+        here = here or self.queries.build(request.position, request.goal)
         return here.reason if isinstance(here, Verdict) else self.detour(here, obstacles, request.reach)
 
 
@@ -145,5 +145,5 @@ class PreparedArm:
     """
 
     arm: GuardedArm
-    before: Query | None
-    query: Query | None
+    before: ArmQuery | None
+    query: ArmQuery | None

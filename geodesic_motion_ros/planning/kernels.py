@@ -108,17 +108,20 @@ def _compile_listed(turns: Path, report: Callable[[str], None]) -> dict[str, int
     """
     content = json.loads(LIST.read_text())
     waiting, asked, total = iter(range(len(content["called"]))), len(content["called"]), content["kernels"]
-    began, said, answered, kernels, folders = time.monotonic(), -math.inf, 0, set(), set()
+    began, said, answered = time.monotonic(), -math.inf, 0
+    kernels: set[str] = set()
+    folders: set[str] = set()
     with ExitStack() as stack, selectors.DefaultSelector() as selector:
         for _ in range(min(_MOST_PROCESSES, len(os.sched_getaffinity(0)))):
             worker = stack.enter_context(_worker(turns))
+            assert worker.stdout is not None
             selector.register(worker.stdout, selectors.EVENT_READ, worker)
         while selector.get_map():
             if answered < asked and time.monotonic() - said >= _SAID_EVERY:
                 said = time.monotonic()
                 report(f"compiling kernels, once: {len(kernels)} of {max(total, len(kernels))}")
             for key, _ in selector.select(_SAID_EVERY):
-                line = key.fileobj.readline()
+                line = key.data.stdout.readline()
                 if not line:  # it has ended
                     selector.unregister(key.fileobj)
                     continue

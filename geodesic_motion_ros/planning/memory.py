@@ -9,8 +9,7 @@ from dataclasses import dataclass, field, replace
 from geodesic_motion_ros.obstacles.obstacles import Obstacles
 from geodesic_motion_ros.planning.detour import Detour, DetourRequest
 from geodesic_motion_ros.planning.detour_worker import DetourJob
-from geodesic_motion_ros.planning.mission import Query
-from geodesic_motion_ros.planning.plan import Plan
+from geodesic_motion_ros.planning.plan import ArmQuery, Plan
 from geodesic_motion_ros.planning.retry import Asked, Question, Workings
 from geodesic_motion_ros.planning.settings import Attempt
 from geodesic_motion_ros.planning.situation import Situation
@@ -31,7 +30,7 @@ class Blocked:
     """
 
     question: Question
-    origin: Query
+    origin: ArmQuery
     attempts: frozenset[Attempt]
     verdict: Verdict
     unfinished: bool = False
@@ -77,7 +76,7 @@ class AttemptMemory:
     workings : of all searches.
     """
 
-    without_path: Query | None = None
+    without_path: ArmQuery | None = None
     refusal: Verdict | None = None
     attempted: int = 0
     blocked: Blocked | None = None
@@ -86,18 +85,18 @@ class AttemptMemory:
     detour: DetourSearch | None = None
     workings: Workings = field(default_factory=Workings)
 
-    def still_blocked(self, query: Query, obstacles: Obstacles) -> Blocked | None:
+    def still_blocked(self, query: ArmQuery, obstacles: Obstacles) -> Blocked | None:
         """The attempts with a query that need not be repeated, where nothing has changed since; None elsewhere."""
         blocked = self.blocked
         return blocked if blocked is not None and blocked.question.holds_for(Question(query, obstacles)) else None
 
-    def origin(self, query: Query) -> Query:
+    def origin(self, query: ArmQuery) -> ArmQuery:
         """The query on which the arm stopped, where a query is attempted in its place; else the query itself."""
         blocked = self.blocked
         return blocked.origin if blocked is not None and blocked.question.about is query else query
 
     def chosen_attempts(
-        self, solver: Solver, query: Query, situation: Situation, is_shared: Callable[[Verdict], bool]
+        self, solver: Solver, query: ArmQuery, situation: Situation, is_shared: Callable[[Verdict], bool]
     ) -> tuple[tuple[Attempt, ...], AttemptMemory]:
         """The attempts of this tick, by an arm that follows no path to a query's goal, and the memory of them.
 
@@ -123,7 +122,7 @@ class AttemptMemory:
         return tried[number : number + 1], replace(self, attempted=number)
 
     def after(
-        self, plan: Plan, query: Query, blocked: Blocked | None, attempts: tuple[Attempt, ...], situation: Situation
+        self, plan: Plan, query: ArmQuery, blocked: Blocked | None, attempts: tuple[Attempt, ...], situation: Situation
     ) -> AttemptMemory:
         """The memory after a search of a query with some attempts, which came to a plan.
 

@@ -9,14 +9,9 @@ import numpy as np
 
 from geodesic_motion_ros.geometry.task_frame import TaskFrame
 from geodesic_motion_ros.obstacles.obstacles import Obstacles
-from geodesic_motion_ros.planning.configuration_query import ConfigurationGoal, ConfigurationQuery
+from geodesic_motion_ros.planning.plan import ArmGoal, ArmQuery
 from geodesic_motion_ros.planning.pose_query import Pose
-from geodesic_motion_ros.planning.tool_query import ToolGoal, ToolQuery
 from geodesic_motion_ros.planning.tracking import Tracking
-
-Goal = ConfigurationGoal | ToolGoal
-#: The queries of a tick; `plan.py` explains which of all query types stands where.
-Query = ConfigurationQuery | ToolQuery
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,8 +39,8 @@ class PreparedGoal:
 
     request: GoalRequest
     frame: TaskFrame
-    goal: Goal
-    query: Query | None
+    goal: ArmGoal
+    query: ArmQuery | None
     generation: int
 
 
@@ -63,17 +58,17 @@ class Mission:
 
     requested: PreparedGoal | None = None
     active: PreparedGoal | None = None
-    query: Query | None = None
+    query: ArmQuery | None = None
 
-    def defers(self, goal: Goal) -> bool:
+    def defers(self, goal: ArmGoal) -> bool:
         """Whether a goal is so near the active one, to which there is a query, that it waits until the arm rests."""
         return self.active is not None and self.query is not None and goal.is_near(self.active.goal)
 
-    def needs_no_query(self, goal: Goal) -> bool:
+    def needs_no_query(self, goal: ArmGoal) -> bool:
         """Whether no query is needed as a goal is taken: it waits, or it is the active one."""
         return self.defers(goal) or (self.active is not None and goal.is_same(self.active.goal))
 
-    def activated(self, prepared: PreparedGoal, query: Query | None) -> Mission:
+    def activated(self, prepared: PreparedGoal, query: ArmQuery | None) -> Mission:
         """The mission with a prepared goal, and its query, as the active one."""
         if self.active is not None and prepared.goal.is_same(self.active.goal):
             return self

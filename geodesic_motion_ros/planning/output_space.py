@@ -15,7 +15,7 @@ from geodesic_motion_ros.geometry.task_frame import TaskFrame
 from geodesic_motion_ros.planning import settings as constants
 from geodesic_motion_ros.planning.configuration_query import ConfigurationQueryBuilder
 from geodesic_motion_ros.planning.declared_scene import DeclaredScene
-from geodesic_motion_ros.planning.plan import ArmQuery
+from geodesic_motion_ros.planning.plan import ArmGoal, ArmQuery
 from geodesic_motion_ros.planning.pose_query import Pose
 from geodesic_motion_ros.planning.settings import PlannerSettings
 from geodesic_motion_ros.planning.status import Verdict
@@ -24,10 +24,7 @@ from geodesic_motion_ros.robot.body_points import end_effector_poses
 from geodesic_motion_ros.robot.collision_model import CollisionModel
 from geodesic_motion_ros.robot.kinematics import Robot, contiguous
 from geodesic_motion_ros.skill.skill import Skill
-from geodesic_motion_ros.trajectory.limited_tool import ToolLimits
-
-#: One goal of a query builder; each space has goals of its own.
-ArmGoal = Any
+from geodesic_motion_ros.trajectory.tool_limits import ToolLimits
 
 
 class QueryBuilder(Protocol):
@@ -101,7 +98,7 @@ class OutputSpace:
 
     tool_limits: ToolLimits
     smoothing: float
-    queries: Callable[[Skill, Any, PlannerSettings, Robot, CollisionModel, DeclaredScene], QueryBuilder]
+    queries: Callable[[Skill, Any, PlannerSettings, Robot, CollisionModel, DeclaredScene], Any]
     is_there: Callable[[Robot, np.ndarray, ArmQuery], bool]
     tool_positions: Callable[[Any, np.ndarray, Robot], np.ndarray]
     spheres: Callable[[Any, np.ndarray, Robot, CollisionModel], tuple[np.ndarray, np.ndarray]]

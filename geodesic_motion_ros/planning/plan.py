@@ -7,8 +7,8 @@ A query is a start, a goal, and the latent graph transported to them. Which type
     tool poses                 ToolQueryBuilder             ToolQuery              tool_query.py
       `- made of               PoseQueryBuilder             PoseQuery              pose_query.py
 
-`ConfigurationQuery` and `PoseQuery` share the fields of `TransportedQuery` (transported_query.py). `mission.Query` is
-either of the two queries of a tick. The other names are protocols, which say what a function requires of a query:
+`ConfigurationQuery` and `PoseQuery` share the fields of `TransportedQuery` (transported_query.py). The other names are
+protocols, which say what a function requires of a query:
 `SearchQuery` a graph with costs, `RefinedQuery` also the metric between its nodes (search.py), `PathEnds` two
 configurations, `ArmQuery` all of these, with nodes that are configurations. Without an arm, `PoseQuery` is used alone
 (pose_path.py).
@@ -17,14 +17,14 @@ configurations, `ArmQuery` all of these, with nodes that are configurations. Wit
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 
 from geodesic_motion_ros.planning.certificate import JudgedTrajectory
 from geodesic_motion_ros.planning.mode import Mode
 from geodesic_motion_ros.planning.search import LatentPath, RefinedQuery
-from geodesic_motion_ros.planning.status import Verdict
+from geodesic_motion_ros.planning.status import Figures, Verdict
 from geodesic_motion_ros.trajectory.trajectory import JointReference
 
 
@@ -34,9 +34,30 @@ class PathEnds(Protocol):
     misfits : the endpoint errors, how far both are from what the skill demonstrates, by their names in a `Verdict`.
     """
 
-    start: np.ndarray
-    goal: np.ndarray
-    misfits: dict[str, float]
+    @property
+    def start(self) -> np.ndarray: ...
+    @property
+    def goal(self) -> np.ndarray: ...
+    @property
+    def misfits(self) -> Figures: ...
+
+
+class ArmGoal(Protocol):
+    """A goal that was accepted; each output space has goals of its own, which are compared among themselves.
+
+    stated : how it was found, for a person.
+    """
+
+    @property
+    def stated(self) -> str: ...
+
+    def is_same(self, other: Any) -> bool:
+        """Whether the same is meant, received again."""
+        ...
+
+    def is_near(self, other: Any) -> bool:
+        """Whether it is hardly elsewhere, and may wait until the arm rests."""
+        ...
 
 
 class ArmQuery(RefinedQuery, PathEnds, Protocol):
@@ -47,7 +68,8 @@ class ArmQuery(RefinedQuery, PathEnds, Protocol):
     start_latent : (d,) latent point that is transported onto the start.
     """
 
-    start_latent: np.ndarray
+    @property
+    def start_latent(self) -> np.ndarray: ...
 
     def turned_to_base(self, covariances: np.ndarray) -> np.ndarray:
         """Covariances (m, 3, 3) of positions in the frame of the skill, in the base frame."""

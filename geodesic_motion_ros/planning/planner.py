@@ -16,6 +16,7 @@ import copy
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
+from typing import Any
 
 import numpy as np
 
@@ -30,9 +31,9 @@ from geodesic_motion_ros.planning.declared_scene import DeclaredScene, check_dem
 from geodesic_motion_ros.planning.detour_worker import DetourWorker
 from geodesic_motion_ros.planning.guarded_arm import GuardedArm, PreparedArm
 from geodesic_motion_ros.planning.memory import AttemptMemory, DetourSearch
-from geodesic_motion_ros.planning.mission import Goal, GoalRequest, Inputs, Mission, PreparedGoal
+from geodesic_motion_ros.planning.mission import GoalRequest, Inputs, Mission, PreparedGoal
 from geodesic_motion_ros.planning.mode import Mode
-from geodesic_motion_ros.planning.plan import Plan
+from geodesic_motion_ros.planning.plan import ArmGoal, Plan
 from geodesic_motion_ros.planning.pose_query import checked_pose
 from geodesic_motion_ros.planning.settings import PlannerSettings
 from geodesic_motion_ros.planning.situation import Situation
@@ -320,13 +321,11 @@ class ReactivePlanner:
         """Say what the hand holds from now on, all of it; nothing: (). Prepares the objects and takes them."""
         return self.take_arm(self.prepared_arm(objects))
 
-    def change_settings(self, **changes: float | None) -> Verdict:
+    def change_settings(self, **changes: Any) -> Verdict:
         """Change settings by their names, those of `CHANGEABLE`: prepares the change and takes it."""
-        return self.take_arm(self.prepared_arm(**changes))
+        return self.take_arm(self.prepared_arm(None, **changes))
 
-    def prepared_arm(
-        self, objects: Sequence[HeldObject] | None = None, **changes: float | None
-    ) -> PreparedArm | Verdict:
+    def prepared_arm(self, objects: Sequence[HeldObject] | None = None, **changes: Any) -> PreparedArm | Verdict:
         """Do the work that takes time of holding other objects, and of changing settings: any thread may do it while
         another one ticks.
 
@@ -399,10 +398,10 @@ class ReactivePlanner:
         refused = self._refused(now)
         if refused is not None:
             return refused
-        configuration, reason = self._checked("state", configuration)
-        if configuration is None:
+        checked, reason = self._checked("state", configuration)
+        if checked is None:
             return Plan(None, now, Verdict(VerdictCode.BAD_INPUT, reason))
-        standing = JointReference.standing(configuration, np.zeros(self.graph.latent.shape[1]))
+        standing = JointReference.standing(checked, np.zeros(self.graph.latent.shape[1]))
         trajectory = self._judged(standing, now)
         self._ticked = now
         self._generation += 1
@@ -544,12 +543,13 @@ class ReactivePlanner:
             ends.append(pose)
         commanded = self._stream.commanded(self._ticked)
         start = self._arm.queries.start_by_pose(ends[0], None if commanded is None else commanded[0])
+        if isinstance(start, Verdict):
+            return Plan(None, 0.0, start)
         goal = self._arm.queries.goal_by_pose(ends[1], self._inputs.frame)
-        for found in (start, goal):
-            if isinstance(found, Verdict):
-                return Plan(None, 0.0, found)
+        if isinstance(goal, Verdict):
+            return Plan(None, 0.0, goal)
         return self.plan_configurations(start, goal)
 
-    def plan_configurations(self, start: np.ndarray, goal: Goal) -> Plan:
+    def plan_configurations(self, start: np.ndarray, goal: ArmGoal) -> Plan:
         """A reference from rest in a configuration (eta,) to a goal under the present obstacles."""
         return self._arm.plan_from_rest(start, goal, self._inputs.enlarged, self._reach)

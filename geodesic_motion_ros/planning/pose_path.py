@@ -58,7 +58,9 @@ class PosePathPlanner:
     def __init__(self, skill: Skill, settings: PlannerSettings | None = None) -> None:
         self.skill = skill
         self.settings = settings or PlannerSettings()
-        self.graph: PoseGraph = skill.graph(self.settings.grid_shape, self.settings.neighbours)
+        graph = skill.graph(self.settings.grid_shape, self.settings.neighbours)
+        assert isinstance(graph, PoseGraph)
+        self.graph = graph
         self._queries = PoseQueryBuilder(skill, self.graph, self.settings)
         self._points = np.array(self.settings.tool_points, dtype=float)
         self._point_radii = np.array(self.settings.tool_radii, dtype=float)

@@ -23,7 +23,7 @@ from geodesic_motion_ros.manifold.pose_graph import PoseGraph
 from geodesic_motion_ros.manifold.transport import Offsets, corrections_at
 from geodesic_motion_ros.planning.search import demonstrated_cost
 from geodesic_motion_ros.planning.settings import SAME_TASK_POSE, PlannerSettings
-from geodesic_motion_ros.planning.status import Verdict, VerdictCode
+from geodesic_motion_ros.planning.status import Figures, Verdict, VerdictCode
 from geodesic_motion_ros.planning.transported_query import (
     AlongMeanPaths,
     End,
@@ -209,7 +209,8 @@ class PoseQueryBuilder(TransportedQueryBuilder):
         if isinstance(found, Verdict):
             return found
         progress, shares = self._graph.progress_map(latent[None])
-        along, _ = carried(*self._graph.decoder.poses(latent[None]), query.offsets.displacements(progress, shares))
+        positions, quaternions = self._graph.decoder.poses(latent[None])
+        along, _ = carried(positions, quaternions, query.offsets.displacements(progress, shares))
         moved = float(np.linalg.norm(start.position - along[0]))
         return replace(found, displaced=moved + query.displaced_at(progress))
 
@@ -252,6 +253,6 @@ def _lengths(offset: np.ndarray) -> tuple[float, float]:
     return float(np.linalg.norm(offset[:3])), float(np.linalg.norm(offset[3:]))
 
 
-def _misfits(name: str, end: _End) -> dict[str, float]:
+def _misfits(name: str, end: _End) -> Figures:
     names = (f"{name}_offset", f"{name}_offset_angle", f"{name}_beyond", f"{name}_beyond_angle")
     return dict(zip(names, end.sizes, strict=True))

@@ -22,6 +22,7 @@ import numpy as np
 from geodesic_motion_ros.planning.settings import SWIVELLED_AT
 from geodesic_motion_ros.robot.inverse_kinematics import pose_difference
 from geodesic_motion_ros.robot.kinematics import (
+    Chain,
     Robot,
     contiguous,
     jacobian,
@@ -161,7 +162,7 @@ def solve_nodes(
 
 
 @numba.njit(cache=True, nogil=True)
-def _pivot(matrix, k):
+def _pivot(matrix: np.ndarray, k: int) -> int:
     """The row from k on whose entry in column k is the largest by its amount."""
     pivot = k
     for i in range(k + 1, len(matrix)):
@@ -171,7 +172,7 @@ def _pivot(matrix, k):
 
 
 @numba.njit(cache=True, nogil=True)
-def _solve(matrix, right):
+def _solve(matrix: np.ndarray, right: np.ndarray) -> bool:
     """Solve a square system in place by Gauss's elimination with pivots; False where it is singular."""
     count = len(right)
     for k in range(count):
@@ -195,7 +196,15 @@ def _solve(matrix, right):
 
 
 @numba.njit(cache=True, nogil=True)
-def solve_displaced(position, quaternion, null, posture, offset, q, chain):
+def solve_displaced(
+    position: np.ndarray,
+    quaternion: np.ndarray,
+    null: np.ndarray,
+    posture: np.ndarray,
+    offset: float,
+    q: np.ndarray,
+    chain: Chain,
+) -> bool:
     """Solve FK(q) = pose, null . (q - posture) = offset from q (eta,), in place; whether it was found.
 
     For use within compiled loops: position (3,), quaternion (4,), null and posture (eta,), chain of `Robot`.
@@ -230,7 +239,7 @@ def solve_displaced(position, quaternion, null, posture, offset, q, chain):
 
 
 @numba.njit(cache=True, nogil=True)
-def _solve_with_fewer(position, quaternion, q, chain):
+def _solve_with_fewer(position: np.ndarray, quaternion: np.ndarray, q: np.ndarray, chain: Chain) -> bool:
     """Bring the tool of an arm of fewer than six joints to a position, turned as near to a quaternion as it can be
     there, from q (eta,), in place; whether it got to the position.
 
@@ -268,7 +277,7 @@ def _solve_with_fewer(position, quaternion, q, chain):
 
 
 @numba.njit(cache=True, nogil=True)
-def _null_vector(q, before, chain):
+def _null_vector(q: np.ndarray, before: np.ndarray, chain: Chain) -> np.ndarray:
     """Unit null vector (7,) of the tool's Jacobian at q on the side of an earlier one; zeros for six joints or
     fewer.
 
@@ -300,7 +309,7 @@ def _null_vector(q, before, chain):
 
 
 @numba.njit(cache=True, nogil=True)
-def null_vectors(configurations, chain):
+def null_vectors(configurations: np.ndarray, chain: Chain) -> np.ndarray:
     """Unit null vectors (n, eta) of the tool's Jacobian along a path (n, eta), each on the side of the one before."""
     result = np.zeros(configurations.shape)
     null = np.zeros(configurations.shape[1])
@@ -311,12 +320,20 @@ def null_vectors(configurations, chain):
 
 
 @numba.njit(cache=True, nogil=True)
-def _inside(q, lower, upper):
-    return np.all(q >= lower) and np.all(q <= upper)
+def _inside(q: np.ndarray, lower: np.ndarray, upper: np.ndarray) -> bool:
+    return bool(np.all(q >= lower) and np.all(q <= upper))
 
 
 @numba.njit(cache=True, nogil=True)
-def _solve_path(positions, quaternions, start, steps, lower, upper, chain):
+def _solve_path(
+    positions: np.ndarray,
+    quaternions: np.ndarray,
+    start: np.ndarray,
+    steps: np.ndarray,
+    lower: np.ndarray,
+    upper: np.ndarray,
+    chain: Chain,
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     count, joints = len(positions), len(start)
     found, nulls, reached = np.empty((count, joints)), np.zeros((count, joints)), np.zeros(count, dtype=np.bool_)
     q, null = start.copy(), np.zeros(joints)
@@ -333,7 +350,16 @@ def _solve_path(positions, quaternions, start, steps, lower, upper, chain):
 
 
 @numba.njit(cache=True, nogil=True)
-def _solve_beside(positions, quaternions, near, postures, nulls, lower, upper, chain):
+def _solve_beside(
+    positions: np.ndarray,
+    quaternions: np.ndarray,
+    near: np.ndarray,
+    postures: np.ndarray,
+    nulls: np.ndarray,
+    lower: np.ndarray,
+    upper: np.ndarray,
+    chain: Chain,
+) -> tuple[np.ndarray, np.ndarray]:
     count, joints = postures.shape
     found, reached = np.empty((count, joints)), np.zeros(count, dtype=np.bool_)
     q = near.copy()
@@ -348,7 +374,18 @@ def _solve_beside(positions, quaternions, near, postures, nulls, lower, upper, c
 
 
 @numba.njit(cache=True, nogil=True)
-def _solve_nodes(positions, quaternions, postures, nulls, seeds, first, neighbour, lower, upper, chain):
+def _solve_nodes(
+    positions: np.ndarray,
+    quaternions: np.ndarray,
+    postures: np.ndarray,
+    nulls: np.ndarray,
+    seeds: np.ndarray,
+    first: np.ndarray,
+    neighbour: np.ndarray,
+    lower: np.ndarray,
+    upper: np.ndarray,
+    chain: Chain,
+) -> tuple[np.ndarray, np.ndarray]:
     count, joints = postures.shape
     found, reached = postures.copy(), np.zeros(count, dtype=np.bool_)
     tries = np.zeros(count, dtype=np.int64)

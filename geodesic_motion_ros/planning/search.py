@@ -19,7 +19,7 @@ from geodesic_motion_ros.manifold.shortest_path import cost_field
 from geodesic_motion_ros.manifold.weighted_graph import WeightedGraph
 from geodesic_motion_ros.obstacles.obstacles import Obstacles
 from geodesic_motion_ros.planning.settings import CURVE_SIGMA_FACTOR, ENTRY_STEPS, PlannerSettings
-from geodesic_motion_ros.planning.status import Verdict, VerdictCode
+from geodesic_motion_ros.planning.status import Figures, Verdict, VerdictCode
 from geodesic_motion_ros.skill.skill import Skill
 from geodesic_motion_ros.utils.deadline import NEVER, Deadline
 
@@ -28,21 +28,31 @@ NO_NODE_REMOVED = -math.inf
 
 
 class SearchQuery(Protocol):
-    """The part of a query that the search of a path needs: a graph with costs, and bounds of those to both ends."""
+    """The part of a query that the search of a path needs: a graph with costs, and bounds of those to both ends; as of
+    `TransportedQuery`.
+    """
 
-    graph: WeightedGraph
-    body: NodeBody
-    to_goal: np.ndarray
-    from_start: np.ndarray
-    cost_limit: float
-    goal_node: int
-    misfits: dict[str, float]
+    @property
+    def graph(self) -> WeightedGraph: ...
+    @property
+    def body(self) -> NodeBody: ...
+    @property
+    def to_goal(self) -> np.ndarray: ...
+    @property
+    def from_start(self) -> np.ndarray: ...
+    @property
+    def cost_limit(self) -> float: ...
+    @property
+    def goal_node(self) -> int: ...
+    @property
+    def misfits(self) -> Figures: ...
 
 
 class RefinedQuery(SearchQuery, Protocol):
     """The part of a query that the refinement of a path needs besides: the metric between the nodes."""
 
-    field: MetricField
+    @property
+    def field(self) -> MetricField: ...
 
 
 @dataclass(frozen=True)

@@ -313,13 +313,14 @@ class PlannerSettings:
     def _check_number(self, name: str, value: object) -> None:
         if isinstance(value, bool) or not isinstance(value, Real):
             raise PlanningError(f"setting {name} is {value!r:.60}, must be a real number")
-        allowed = value >= 0.0 if name in self.may_be_zero else value > 0.0
-        if name == "detour" and not value <= LARGEST_DETOUR:
+        number = float(value)
+        allowed = number >= 0.0 if name in self.may_be_zero else number > 0.0
+        if name == "detour" and not number <= LARGEST_DETOUR:
             raise PlanningError(f"setting detour is {value} m, must be at most {LARGEST_DETOUR} m")
-        if not (allowed and math.isfinite(value)):
+        if not (allowed and math.isfinite(number)):
             wanted = "0 or positive" if name in self.may_be_zero else "positive"
             raise PlanningError(f"setting {name} is {value}, must be finite and {wanted}")
 
 
 def _is_whole(value: object, lowest: int) -> bool:
-    return isinstance(value, Integral) and not isinstance(value, bool) and value >= lowest
+    return isinstance(value, Integral) and not isinstance(value, bool) and int(value) >= lowest

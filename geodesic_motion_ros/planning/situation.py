@@ -215,6 +215,7 @@ class Situation:
         return Plan(None, plan.begin, replace(plan.verdict, code=VerdictCode.NO_FEASIBLE_PATH, reason=reason))
 
     def _plan_leaves_a_stop(self, plan: Plan, limits: JointLimits) -> bool:
+        assert plan.trajectory is not None
         return self.leaves_a_stop(PlayedTrajectory(plan.trajectory, plan.begin, self.certifier), limits)
 
     def leaves_a_stop(self, candidate: PlayedTrajectory, limits: JointLimits | None = None) -> bool:

@@ -315,8 +315,8 @@ class Solver:
             timed = self._timer.timed_curve(state, curve, np.repeat(latent, len(curve), axis=0), 0.0)
             if timed.reference is None:
                 continue
-            certificate, objection = self.certifier.assess(timed.swept, obstacles, requirement)
-            if objection is None and self.certifier.unseen(timed.swept, seen) is None:
+            certificate, met = self.certifier.assess(timed.swept, obstacles, requirement)
+            if met is None and self.certifier.unseen(timed.swept, seen) is None:
                 verdict = Verdict(VerdictCode.OK, clearance=float(np.min(certificate.clearance)))
                 return Plan(self.certifier.judged(timed.reference, certificate), state.time, verdict)
         return None

@@ -5,6 +5,10 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from enum import IntEnum
+from typing import Any
+
+#: Figures of a verdict, by their names.
+Figures = dict[str, Any]
 
 
 class VerdictCode(IntEnum):

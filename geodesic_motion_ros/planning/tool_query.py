@@ -28,7 +28,7 @@ from geodesic_motion_ros.planning.path_smoothing import correct_ends, resample_l
 from geodesic_motion_ros.planning.pose_query import Pose, PoseQuery, PoseQueryBuilder
 from geodesic_motion_ros.planning.posture import Posture, solve_beside, solve_nodes, solve_path, swivel_steps
 from geodesic_motion_ros.planning.settings import PlannerSettings
-from geodesic_motion_ros.planning.status import Verdict, VerdictCode
+from geodesic_motion_ros.planning.status import Figures, Verdict, VerdictCode
 from geodesic_motion_ros.planning.transported_query import edges_in_scene
 from geodesic_motion_ros.robot.collision_model import CollisionModel
 from geodesic_motion_ros.robot.inverse_kinematics import solve
@@ -83,7 +83,7 @@ class ToolQuery:
         return self.poses.cost_limit
 
     @property
-    def misfits(self) -> dict[str, float]:
+    def misfits(self) -> Figures:
         """How far both ends are transported, under their names in a Verdict."""
         return self.poses.misfits
 

@@ -6,7 +6,8 @@ the corrections along the mean paths, and how near to them paths stay, are those
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+import dataclasses
+from dataclasses import dataclass
 from typing import Any, Literal
 
 import numpy as np
@@ -18,7 +19,7 @@ from geodesic_motion_ros.manifold.shortest_path import cost_field
 from geodesic_motion_ros.manifold.weighted_graph import WeightedGraph
 from geodesic_motion_ros.planning.declared_scene import DeclaredScene
 from geodesic_motion_ros.planning.settings import PlannerSettings
-from geodesic_motion_ros.planning.status import VerdictCode
+from geodesic_motion_ros.planning.status import Figures, VerdictCode
 from geodesic_motion_ros.skill.skill import Skill
 
 End = Literal["start", "goal"]
@@ -60,11 +61,11 @@ class TransportedQuery:
     to_goal: np.ndarray
     from_start: np.ndarray
     cost_limit: float
-    misfits: dict[str, float]
+    misfits: Figures
     task_start: np.ndarray
     task_goal: np.ndarray
     along_mean_paths: AlongMeanPaths
-    displaced: float = field(default=0.0, kw_only=True)
+    displaced: float = dataclasses.field(default=0.0, kw_only=True)
 
     def displaced_at(self, progress: np.ndarray) -> float:
         """The rest of `displaced` [m] at a progress (1,): it fades towards the goal, as the offset of the start."""

@@ -30,6 +30,8 @@ CHAIN = numba.types.Tuple(
         numba.types.Array(numba.boolean, 1, "C", readonly=True),
     )
 )
+#: `Robot.chain`, as those types have it.
+Chain = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]
 FOLDER = Path(__file__).parent
 
 

@@ -15,7 +15,7 @@ import numba
 import numpy as np
 
 from geodesic_motion_ros.robot.body_points import joint_terms, place_joints
-from geodesic_motion_ros.robot.kinematics import CHAIN, Robot, unit
+from geodesic_motion_ros.robot.kinematics import CHAIN, Chain, Robot, unit
 from geodesic_motion_ros.trajectory.tool_limits import ToolLimits
 
 Vector = tuple[float, float, float]
@@ -129,7 +129,7 @@ def _between(origins: np.ndarray, joint: int) -> Vector:
 
 
 @numba.njit((numba.types.Array(numba.float64, 3, "C", readonly=True), CHAIN), cache=True, nogil=True)
-def tool_motions(motion, chain):
+def tool_motions(motion: np.ndarray, chain: Chain) -> np.ndarray:
     """Velocities, angular velocities, accelerations, angular accelerations (4, k, 3) of the tool in the base frame.
 
     motion : (3, k, n) joint positions and their first and second derivatives; with respect to any parameter.

@@ -186,4 +186,5 @@ def bridge_to_rest(
     )
     pieces = [np.linspace(a, b, int(np.ceil((b - a) / period)), endpoint=False) for a, b in pairwise(ends)]
     times = np.append(np.concatenate(pieces), ends[-1])
-    return ending_at_rest(times, *quintic_samples(ends, *cubics, times), np.empty((len(times), 0)))
+    positions, velocities, accelerations = quintic_samples(ends, *cubics, times)
+    return ending_at_rest(times, positions, velocities, accelerations, np.empty((len(times), 0)))

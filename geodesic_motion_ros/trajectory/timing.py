@@ -249,9 +249,12 @@ def _played(
     passed = law.sample(begin + times)
     fading = np.zeros((3, 2, mismatch.shape[1]))
     fading[:, 0] = mismatch
-    motion = curve.motion(passed) + quintic_samples(np.array([0.0, length]), *fading, times)
+    position, velocity, acceleration = fading
+    motion = curve.motion(passed) + quintic_samples(np.array([0.0, length]), position, velocity, acceleration, times)
     motion[:, 0] = state
-    return ending_at_rest(times, *motion, interpolated(passed[0], curve.knots, curve.latent)), length
+    position, velocity, acceleration = motion
+    latent = interpolated(passed[0], curve.knots, curve.latent)
+    return ending_at_rest(times, position, velocity, acceleration, latent), length
 
 
 def tool_limit_ratio(tool: LimitedTool, reference: JointReference, fading: float) -> np.ndarray:

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import cast
 
+from geodesic_motion_ros.planning.plan import ArmQuery
 from geodesic_motion_ros.planning.proposers.turn import Turn
 from geodesic_motion_ros.planning.retry import TIME_ROUNDING
 
@@ -28,7 +30,8 @@ class FoundDetour:
             return turn
         plan = situation.require_a_stop(turn.arm.detours.plan(detour, situation.state, situation.expected))
         if plan.trajectory is not None:
-            return turn.taken(detour.query, plan, memory.after(plan, detour.query, None, (), situation))
+            query = cast(ArmQuery, detour.query)  # those that an arm's own search finds are of its queries
+            return turn.taken(query, plan, memory.after(plan, query, None, (), situation))
         return replace(turn, memory=replace(memory, detour=replace(search, refusal=plan.verdict.reason)))
 
 

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from geodesic_motion_ros.planning.memory import Blocked
-from geodesic_motion_ros.planning.mission import Query
+from geodesic_motion_ros.planning.plan import ArmQuery
 from geodesic_motion_ros.planning.proposers.turn import Turn
 from geodesic_motion_ros.planning.status import Verdict
 
@@ -35,7 +35,7 @@ class GraphPath:
         return replace(turn, query=query, verdict=plan.verdict, memory=memory)
 
 
-def _query_to_try(turn: Turn, blocked: Blocked | None) -> tuple[Query | None, Blocked | None]:
+def _query_to_try(turn: Turn, blocked: Blocked | None) -> tuple[ArmQuery | None, Blocked | None]:
     """The query that is searched next, and the attempts that were made with it already.
 
     The order, for an arm among obstacles that stand:

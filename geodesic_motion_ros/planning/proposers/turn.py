@@ -9,8 +9,7 @@ from typing import Protocol
 from geodesic_motion_ros.planning.detour import DetourRequest
 from geodesic_motion_ros.planning.guarded_arm import GuardedArm
 from geodesic_motion_ros.planning.memory import AttemptMemory
-from geodesic_motion_ros.planning.mission import Goal, Query
-from geodesic_motion_ros.planning.plan import Plan
+from geodesic_motion_ros.planning.plan import ArmGoal, ArmQuery, Plan
 from geodesic_motion_ros.planning.played import Followed, Step
 from geodesic_motion_ros.planning.search import KnownPaths
 from geodesic_motion_ros.planning.settings import Attempt
@@ -48,9 +47,9 @@ class Turn:
 
     arm: GuardedArm
     situation: Situation
-    goal: Goal
-    origin: Query
-    query: Query
+    goal: ArmGoal
+    origin: ArmQuery
+    query: ArmQuery
     memory: AttemptMemory
     later: tuple[Proposer, ...] = ()
     verdict: Verdict = NO_PATH
@@ -74,7 +73,7 @@ class Turn:
 
     def solved(
         self,
-        query: Query,
+        query: ArmQuery,
         attempts: tuple[Attempt, ...],
         known: KnownPaths | None = None,
         longest: float = math.inf,
@@ -88,7 +87,7 @@ class Turn:
         )  # fmt: skip
         return situation.require_a_stop(plan)
 
-    def taken(self, query: Query, plan: Plan, memory: AttemptMemory) -> Turn:
+    def taken(self, query: ArmQuery, plan: Plan, memory: AttemptMemory) -> Turn:
         """The last turn, in which a new path is followed. Where it was found too late, an arm that evades goes on
         evading as long as that is free.
         """
