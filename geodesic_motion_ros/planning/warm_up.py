@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from geodesic_motion_ros.obstacles.obstacles import Obstacles
+from geodesic_motion_ros.planning.evasion_motion import evasion_beside_graph
 from geodesic_motion_ros.planning.guarded_arm import GuardedArm
 from geodesic_motion_ros.planning.plan import MotionState
 from geodesic_motion_ros.planning.pose_query import Pose
@@ -48,6 +49,6 @@ def load_kernels(trial: ReactivePlanner, arm: GuardedArm) -> None:
     if query is not None and commanded is not None and trial.may_detour:
         arm.detours.find(query, trial.obstacles, 0.1)
         state = MotionState(0.3, *commanded, query.start_latent)
-        solver.evade_displaced(query, state, trial.obstacles, 0.1)
+        evasion_beside_graph(solver, query, state, trial.obstacles, 0.1)
     load_references(trial.limits, solver.tool)
     trial.stop(0.4, Verdict(VerdictCode.NO_GOAL))

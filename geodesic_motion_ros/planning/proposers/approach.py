@@ -1,7 +1,7 @@
 """Approach: an arm whose goal is covered goes along its path as near to it as it can, and stands there.
 
-`Solver.approach` works out how near that is. This module decides when it is searched, and how long the arm goes on. An
-arm that stands there sets out again where that gains `APPROACH_GAIN`, or where the goal is free: then a path is
+`approach_motion.py` works out how near that is. This module decides when it is searched, and how long the arm goes on.
+An arm that stands there sets out again where that gains `APPROACH_GAIN`, or where the goal is free: then a path is
 searched as for every blocked arm.
 """
 
@@ -11,6 +11,7 @@ import math
 from dataclasses import replace
 
 from geodesic_motion_ros.planning import settings as constants
+from geodesic_motion_ros.planning.approach_motion import approach_to_covered
 from geodesic_motion_ros.planning.mode import Purpose
 from geodesic_motion_ros.planning.played import Followed
 from geodesic_motion_ros.planning.proposers.turn import Turn
@@ -48,8 +49,8 @@ class Approach:
             return replace(turn, memory=memory.interrupted(turn.verdict))
         followed = situation.followed
         remaining = followed.remaining if followed is not None and followed.query is query else math.inf
-        found = turn.arm.solver.approach(
-            query, situation.state, situation.expected, turn.verdict, remaining, situation.deadline
+        found = approach_to_covered(
+            turn.arm.solver, query, situation.state, situation.expected, turn.verdict, remaining, situation.deadline
         )
         if situation.handover_deadline.passed or (found is None and situation.deadline.passed):
             # An approach that was not found for want of time, or too late, is searched again.

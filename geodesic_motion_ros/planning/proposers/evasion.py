@@ -1,15 +1,16 @@
 """Evasion: an arm that has no path to its goal makes room for an obstacle that comes to where it stands or stops.
 
-`Solver.evade` searches a place on the graph, `Solver.evade_displaced` one beside it. This module decides when one of
-them is searched, and how long the arm goes on evading.
+A place on the graph is searched first, then one beside it (`evasion_motion.py`). This module decides when, and how long
+the arm goes on evading.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import replace
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
 
 from geodesic_motion_ros.planning import settings as constants
+from geodesic_motion_ros.planning.evasion_motion import evasion_beside_graph, evasion_on_graph
 from geodesic_motion_ros.planning.mode import Purpose
 from geodesic_motion_ros.planning.plan import Plan
 from geodesic_motion_ros.planning.played import Followed
@@ -36,8 +37,15 @@ class KeptEvasion:
         return replace(turn, step=turn.situation.still_evading())
 
 
+@dataclass(frozen=True)
 class Evasion:
-    """Proposes to make room, where an obstacle meets an arm that does not."""
+    """Proposes to make room, where an obstacle meets an arm that does not.
+
+    on_graph, beside_graph : what finds the motions there.
+    """
+
+    on_graph: Callable[..., Plan | None] = evasion_on_graph
+    beside_graph: Callable[..., Plan | None] = evasion_beside_graph
 
     def is_due(self, turn: Turn) -> bool:
         """Not by an arm that approaches, as long as it can go on. The search takes about as long as an attempt."""
@@ -60,10 +68,10 @@ class Evasion:
         while required is not None:
             state, obstacles, deadline = situation.state, situation.expected, situation.deadline
             if required == BESIDE_GRAPH:
-                plan = solver.evade_displaced(turn.query, state, obstacles, situation.reach, deadline)
+                plan = self.beside_graph(solver, turn.query, state, obstacles, situation.reach, deadline)
             else:
                 stop, workings = situation.stop.reference, turn.memory.workings
-                plan = solver.evade(turn.query, state, obstacles, stop, workings, deadline)
+                plan = self.on_graph(solver, turn.query, state, obstacles, stop, workings, deadline)
             if plan is not None:
                 return _begun(replace(turn, memory=replace(turn.memory, asked=asked)), plan)
             if deadline.passed:

@@ -37,8 +37,8 @@ NO_PATH = Verdict(VerdictCode.NO_FEASIBLE_PATH, "no path")
 
 @dataclass
 class OneEvasionPath:
-    """In the place of a Solver: a turn to the side, on the graph or beside it, where there is one, and how often it is
-    asked for.
+    """In the place of the searches of evasions: a turn to the side, on the graph or beside it, where there is one, and
+    how often it is asked for.
     """
 
     found: bool = True
@@ -48,6 +48,7 @@ class OneEvasionPath:
 
     def evade(
         self,
+        solver: object,
         query: object,
         state: MotionState,
         obstacles: Obstacles,
@@ -59,7 +60,13 @@ class OneEvasionPath:
         return self._turn(state, obstacles, SETTINGS.prediction) if self.found else None
 
     def evade_displaced(
-        self, query: object, state: MotionState, obstacles: Obstacles, reach: float, deadline: Deadline
+        self,
+        solver: object,
+        query: object,
+        state: MotionState,
+        obstacles: Obstacles,
+        reach: float,
+        deadline: Deadline,
     ) -> Plan | None:
         self.asked_beside += 1
         soon = Requirements.of(SETTINGS).beside_graph.horizon
@@ -87,16 +94,20 @@ class Arm:
     def plan(
         self, now: float, obstacles: Obstacles, verdict: Verdict = NO_PATH, handover_deadline: Deadline = NEVER
     ) -> Plan | None:
-        turn = Evasion().propose(self.turn(self.situation(now, obstacles, handover_deadline), verdict))
+        turn = self.evasion.propose(self.turn(self.situation(now, obstacles, handover_deadline), verdict))
         self.asked = turn.memory.asked
         return None if turn.step is None else self.stream.commit(turn.step, now)
+
+    @property
+    def evasion(self) -> Evasion:
+        return Evasion(self.solver.evade, self.solver.evade_displaced)
 
     def turn(self, situation: Situation, verdict: Verdict = NO_PATH) -> Turn:
         memory, guarded = AttemptMemory(asked=self.asked), SimpleNamespace(solver=self.solver)
         return Turn(guarded, situation, None, QUERY, QUERY, memory, verdict=verdict)
 
     def is_due(self, situation: Situation) -> bool:
-        return Evasion().is_due(self.turn(situation))
+        return self.evasion.is_due(self.turn(situation))
 
     def still_evading(self, now: float, obstacles: Obstacles) -> Plan | None:
         step = self.situation(now, obstacles).still_evading()
@@ -120,7 +131,7 @@ def coming(after: float, time: float = 0.0) -> Obstacles:
 def test_an_arm_evades_what_is_coming_and_says_so() -> None:
     arm = Arm()
     situation = arm.situation(0.0, coming(1.0))
-    step = Evasion().propose(arm.turn(situation)).step
+    step = arm.evasion.propose(arm.turn(situation)).step
     assert situation.mode(step) is Mode.EVADING
     plan = arm.stream.commit(step, 0.0)
     assert plan.verdict.code is VerdictCode.NO_FEASIBLE_PATH

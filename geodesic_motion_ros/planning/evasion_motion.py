@@ -1,0 +1,106 @@
+"""Certified motions of an arm that makes room, to places to which no obstacle is expected to come: on the graph nearby,
+or beside it.
+"""
+
+from __future__ import annotations
+
+import math
+from itertools import islice
+
+import numpy as np
+
+from geodesic_motion_ros.obstacles.obstacles import Obstacles
+from geodesic_motion_ros.planning import settings as constants
+from geodesic_motion_ros.planning.arm_in_scene import ArmInScene
+from geodesic_motion_ros.planning.evasion_targets import displaced_paths, paths_to_targets
+from geodesic_motion_ros.planning.plan import ArmQuery, MotionState, Plan
+from geodesic_motion_ros.planning.retry import Workings
+from geodesic_motion_ros.planning.solver import Solver, latent_start
+from geodesic_motion_ros.planning.status import Verdict, VerdictCode
+from geodesic_motion_ros.trajectory.trajectory import JointReference, joined
+from geodesic_motion_ros.utils.deadline import NEVER, Deadline
+
+
+def evasion_on_graph(
+    solver: Solver,
+    query: ArmQuery,
+    state: MotionState,
+    obstacles: Obstacles,
+    stop: JointReference,
+    workings: Workings,
+    deadline: Deadline = NEVER,
+) -> Plan | None:
+    """A certified motion to a place on the graph nearby, to which no obstacle is expected to come; None where none
+    is found in time.
+
+    An arm in motion stops first, as it can go back then, or else sets out as it moves.
+
+    stop : the soonest stop from the state. workings : as of `solve`.
+    """
+    requirement = solver.requirements.evasion
+    evaluation = solver.evaluation(query, obstacles.swept(requirement.horizon))
+    apart = requirement.searched.of()
+    for begin, first in _begins(solver, state, obstacles, stop):
+        start = latent_start(query, begin)
+        for path in paths_to_targets(solver.graph, query, start, evaluation, constants.EVASION_STEPS, apart):
+            timed = workings.timed(solver.timer, query, begin, path, False, math.inf)
+            if timed.reference is not None:
+                whole = timed.reference if first is None else joined(first, 0.0, timed.reference, first.duration)
+                certificate, objection = solver.certifier.assess(solver.certifier.swept(whole), obstacles, requirement)
+                verdict = solver.verdict_of(query, path, timed, certificate, objection)
+                if verdict.ok:
+                    return Plan(solver.certifier.judged(whole, certificate), state.time, verdict)
+            if deadline.passed:
+                return None
+    return None
+
+
+def _begins(
+    solver: Solver, state: MotionState, obstacles: Obstacles, stop: JointReference
+) -> list[tuple[MotionState, JointReference | None]]:
+    """The states in which an evasion may set out, in the order in which they are tried, each with the motion that
+    is played until then: at rest after a stop, where no obstacle meets that; and in motion.
+    """
+    if not np.any(state.velocity):
+        return [(state, None)]
+    while_stopping = solver.requirements.evasion.until(stop.duration)
+    _, met = solver.certifier.assess(solver.certifier.swept(stop), obstacles, while_stopping)
+    return [(state, None)] if met is not None else [(state.after(stop), stop), (state, None)]
+
+
+def evasion_beside_graph(
+    solver: Solver,
+    query: ArmQuery,
+    state: MotionState,
+    obstacles: Obstacles,
+    reach: float,
+    deadline: Deadline = NEVER,
+) -> Plan | None:
+    """A certified motion to a place beside the graph, to which no obstacle comes soon; None where none is found in
+    time.
+
+    reach : how far the tool may be from what was demonstrated [m].
+    """
+    latent = latent_start(query, state)[None]
+    progress, _ = solver.graph.progress_map(latent)
+    configurations, objection = query.configurations_along(latent, state.position)
+    if objection:
+        return None
+    left = reach - query.displaced_at(progress)
+    undisplaced, _ = solver.robot.forward(configurations[0])
+    seen = solver.seen_beside(state.position[None])
+    requirement = solver.requirements.beside_graph
+    swept = obstacles.swept(requirement.horizon).beside(solver.scene.solids)
+    arm, apart = ArmInScene.of(solver.robot, solver.collision, swept, seen), requirement.searched.of()
+    targets = displaced_paths(solver.robot, arm, state.position, undisplaced, left, apart)
+    for curve in islice(targets, constants.EVASION_DISPLACED):
+        if deadline.passed:
+            return None
+        timed = solver.timer.timed_curve(state, curve, np.repeat(latent, len(curve), axis=0), 0.0)
+        if timed.reference is None:
+            continue
+        certificate, met = solver.certifier.assess(timed.swept, obstacles, requirement)
+        if met is None and solver.certifier.unseen(timed.swept, seen) is None:
+            verdict = Verdict(VerdictCode.OK, clearance=float(np.min(certificate.clearance)))
+            return Plan(solver.certifier.judged(timed.reference, certificate), state.time, verdict)
+    return None
