@@ -6,7 +6,7 @@ from setuptools import find_packages, setup
 
 NAME = "geodesic_motion_ros"
 #: The programs that `ros2 run` starts, and the folders where they begin.
-EXECUTABLES = {"planner": "nodes", "twin": "nodes", "record": "nodes", "demo": "demo"}
+EXECUTABLES = {"planner": "nodes", "twin": "nodes", "record": "nodes", "paper_planner": "paper", "demo": "demo"}
 #: What `geodesic-motion timing` compares the search with.
 PEER_LIBRARIES = ["igraph", "networkit", "networkx"]
 SHARE = Path("share") / NAME

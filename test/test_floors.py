@@ -36,7 +36,7 @@ FLOOR = {folder: floor for floor, folders in enumerate(FLOORS) for folder in fol
 #: Libraries, and the folders that may import them.
 LIBRARIES = {
     re.compile(r"(rclpy|\w+_msgs|builtin_interfaces|std_srvs|rcl_interfaces|tf2_\w+)(\.|$)"): {
-        "nodes", "demo", "studies",
+        "nodes", "demo", "paper", "studies",
     },
     re.compile(r"(torch|pytorch_kinematics)(\.|$)"): {"learning", "studies"},
     re.compile(r"pybullet(_data)?(\.|$)"): {"simulation", "studies"},

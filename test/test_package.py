@@ -19,7 +19,7 @@ import pytest
 REPOSITORY = Path(__file__).resolve().parents[1]
 PACKAGE = "geodesic_motion_ros"
 SOURCE = REPOSITORY / PACKAGE
-EXECUTABLES = ("planner", "twin", "record", "demo")
+EXECUTABLES = ("planner", "twin", "record", "paper_planner", "demo")
 NOT_SOURCE = shutil.ignore_patterns(
     ".git", ".venv", ".*_cache", ".hypothesis", "__pycache__", "*.egg-info", "build", "install", "log", "out"
 )

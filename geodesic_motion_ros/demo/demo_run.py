@@ -121,15 +121,17 @@ class Processes:
         parameters: Mapping[str, Any],
         remapped: Mapping[str, str] = MappingProxyType({}),
         before: Sequence[str] = (),
+        module: str = "",
     ) -> None:
         """Start node `name` of this package as `python -m`, with its parameters in a file that can be used again.
 
         remapped : names of topics and services, each to another one. before : a command that runs what follows it.
+        module : another one of that name, within the package.
         """
         self._folder.mkdir(parents=True, exist_ok=True)
         file, log = self._folder / f"{name}.yaml", self._folder / f"{name}.log"
         file.write_text(yaml.safe_dump({f"/**/{name}": {"ros__parameters": dict(parameters)}}, sort_keys=False))
-        module = f"geodesic_motion_ros.nodes.{name}_node"
+        module = f"geodesic_motion_ros.{module or f'nodes.{name}_node'}"
         command = [*before, sys.executable, "-m", module, "--ros-args", "--params-file", str(file)]
         command += [word for names in remapped.items() for word in ("-r", ":=".join(names))]
         with log.open("wb") as output, _interrupts_deferred():

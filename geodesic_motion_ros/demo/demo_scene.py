@@ -12,7 +12,7 @@ import numpy as np
 from geodesic_motion_ros.demo.demo_run import Recording
 from geodesic_motion_ros.nodes.parameter_tables import PLANNER
 from geodesic_motion_ros.nodes.parameters import Value
-from geodesic_motion_ros.nodes.skill_kinds import of_robot, planner_settings
+from geodesic_motion_ros.nodes.planner_parameters import of_robot, planner_settings
 from geodesic_motion_ros.planning.declared_scene import DeclaredScene
 from geodesic_motion_ros.planning.plan import Plan
 from geodesic_motion_ros.planning.planner import ReactivePlanner

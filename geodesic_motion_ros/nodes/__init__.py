@@ -1,4 +1,4 @@
-"""The ROS 2 face: the nodes `planner`, `twin`, `record`. Beside this folder, the demo and studies import rclpy."""
+"""The ROS 2 face: the nodes `planner`, `twin`, `record`. Beside it demo, paper and studies import rclpy."""
 
 import os
 

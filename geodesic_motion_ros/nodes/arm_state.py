@@ -14,12 +14,12 @@ import numpy as np
 from rclpy.serialization import deserialize_message
 from sensor_msgs.msg import JointState
 
+from geodesic_motion_ros.nodes.input_faults import NO_CLOCK
 from geodesic_motion_ros.nodes.messages import MessageRefused, check_limits, other_prefix, read_some_joints, seconds
 from geodesic_motion_ros.nodes.node_time import Moment
 from geodesic_motion_ros.nodes.plausible_joints import OVERTAKEN, PlausibleJoints
 from geodesic_motion_ros.nodes.refusals import Refusals
 from geodesic_motion_ros.nodes.sender_clock import SenderClock
-from geodesic_motion_ros.nodes.stream_cycle import NO_CLOCK
 from geodesic_motion_ros.robot.kinematics import Robot
 
 #: Messages that wait for the control loop, at most: those of 50 ms of a driver that sends 1,000 a second.

@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
 
 from geodesic_motion_ros.geometry.quaternions import angle_between
+from geodesic_motion_ros.nodes.arm_watch import REST_TIME
+from geodesic_motion_ros.nodes.cycle import CycleInputs, CycleOutput, Pose
 from geodesic_motion_ros.nodes.deviation import pose_moved
-from geodesic_motion_ros.nodes.skill_kinds import SkillKind
-from geodesic_motion_ros.nodes.stream_cycle import REST_TIME, CycleInputs, CycleOutput, Pose
 
 
 class ArrivalWatch:
@@ -19,13 +20,14 @@ class ArrivalWatch:
     It rests at the end of its path once its tool has stayed near one place for REST_TIME.
     """
 
-    def __init__(self, kind: SkillKind) -> None:
-        self._kind = kind
+    def __init__(self, forward: Callable[[np.ndarray], Pose], tool_poses: Callable[[Any], Pose]) -> None:
+        """forward : the tool pose of a configuration (eta,) [rad]; tool_poses : those along a reference."""
+        self._forward, self._tool_poses = forward, tool_poses
         self._goal_number, self._accepted = 0, 0.0
         self._arrived = True
         self._resting: tuple[Pose, float] | None = None  # near which place, and since when [s]
 
-    def observe(self, inputs: CycleInputs[Any], output: CycleOutput) -> str:
+    def observe(self, inputs: CycleInputs, output: CycleOutput) -> str:
         """The line for the log in the cycle in which the arm is found to rest at its goal; "" in all others.
 
         The time is from the acceptance of the goal to the beginning of the rest, the distance that of the measured tool
@@ -39,14 +41,14 @@ class ArrivalWatch:
         if not (output.verdict.ok and output.time_to_goal == 0.0 and output.speed == 0.0):
             self._resting = None
             return ""
-        tool = inputs.measured if isinstance(inputs.measured, tuple) else self._kind.robot.forward(inputs.measured)
+        tool = self._forward(inputs.measured)
         if self._resting is None or pose_moved(tool, self._resting[0]):
             self._resting = tool, inputs.heard
         since = self._resting[1]
         if inputs.heard - since < REST_TIME:
             return ""
         self._arrived = True
-        positions, quaternions = self._kind.tool_poses(output.reference)
+        positions, quaternions = self._tool_poses(output.reference)
         off = 1e3 * float(np.linalg.norm(tool[0] - positions[-1]))
         turned = math.degrees(angle_between(tool[1], quaternions[-1]))
         return f"at the goal after {since - self._accepted:.1f} s, {off:.1f} mm and {turned:.1f} deg from it"

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from geodesic_motion_ros.geometry.quaternions import angle_between
-from geodesic_motion_ros.nodes.stream_cycle import Pose
+from geodesic_motion_ros.nodes.cycle import Pose
 
 #: An arm that was lost rests while its tool stays within this distance [m] and angle [rad].
 REST_DISTANCE, REST_ANGLE = 0.005, 0.02

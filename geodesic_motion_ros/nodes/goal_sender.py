@@ -20,7 +20,7 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Header
 
 from geodesic_motion_ros.nodes.messages import pose_message, seconds
-from geodesic_motion_ros.nodes.stream_cycle import PREPARING
+from geodesic_motion_ros.nodes.newest_goal import PREPARING
 from geodesic_motion_ros.planning.mode import Mode
 from geodesic_motion_ros.planning.status import VerdictCode
 from geodesic_motion_ros.utils.errors import GeodesicMotionError, ParameterError

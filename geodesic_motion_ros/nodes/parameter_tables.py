@@ -15,14 +15,6 @@ _ROBOT = RobotDescription.named(DEFAULT_ROBOT)
 PLANNER = (
     Parameter("skill", "panda_reach_to_grasp", "Skill folder, or the name of a shipped skill"),
     Parameter(
-        "method",
-        "certified",
-        "certified: this package's planner; paper: that of the paper to the letter, which certifies nothing and may "
-        "lead through obstacles: of the settings ambient_strength, maximum_offset, speeds and tolerances count there",
-        choices=("certified", "paper"),
-    ),
-    Parameter("simulation_only", False, "That no real arm hears the commands: without it the method paper is refused"),
-    Parameter(
         "base_frame",
         _ROBOT.base_link,
         "Frame of all poses; messages in other frames go through tf2 where it is installed, and are refused otherwise. "

@@ -20,6 +20,7 @@ from visualization_msgs.msg import Marker, MarkerArray
 from geodesic_motion_ros.geometry.distance_field import DistanceField
 from geodesic_motion_ros.nodes.arm_state import ArmState
 from geodesic_motion_ros.nodes.cloud_thread import CloudFigures, CloudThread, points_near
+from geodesic_motion_ros.nodes.cycle import CycleInputs
 from geodesic_motion_ros.nodes.described_arm import DescribedArm
 from geodesic_motion_ros.nodes.frames import frames_of
 from geodesic_motion_ros.nodes.marker_bytes import marker_in, markers_in
@@ -39,7 +40,6 @@ from geodesic_motion_ros.nodes.obstacle_subscription import ObstacleSubscription
 from geodesic_motion_ros.nodes.parameters import NodeParameters
 from geodesic_motion_ros.nodes.publishers import LATCHED
 from geodesic_motion_ros.nodes.refusals import Refusals
-from geodesic_motion_ros.nodes.stream_cycle import CycleInputs
 from geodesic_motion_ros.obstacles.tracker import Key, ObstacleTracker
 from geodesic_motion_ros.planning.status import Verdict, VerdictCode
 from geodesic_motion_ros.robot.held_objects import HeldObject
@@ -77,13 +77,11 @@ class PlannerInputs:
         parameters: NodeParameters,
         robot: Robot,
         skill_robot: str,
-        place: Callable[[np.ndarray], Any],
         obstacles_changed: Callable[[], None],
     ) -> None:
         """robot : its names are those of messages; skill_robot : what the arm is called.
-        place : makes of joint positions (eta,) what the cycle takes as measured.
         obstacles_changed : called when something new is known of obstacles, from the thread that heard it."""
-        self._node, self._parameters, self._robot, self._place = node, parameters, robot, place
+        self._node, self._parameters, self._robot = node, parameters, robot
         self._obstacles_changed = obstacles_changed
         self._frame: str = parameters["base_frame"]
         self.frames = frames_of(node)
@@ -151,7 +149,7 @@ class PlannerInputs:
             # a topic of which nothing is known leaves nothing to keep to
             silent, late = {}, {}
         return CycleInputs(
-            measured=None if joints is None else self._place(joints),
+            measured=joints,
             state_age=age,
             goal=goal,
             goal_number=number,

@@ -23,6 +23,7 @@ from visualization_msgs.msg import Marker, MarkerArray
 
 from geodesic_motion_ros.geometry.task_frame import TaskFrame
 from geodesic_motion_ros.nodes.cloud_thread import CloudFigures
+from geodesic_motion_ros.nodes.cycle import CycleOutput, Pose
 from geodesic_motion_ros.nodes.marker_messages import (
     MarkerScene,
     cubes_marker,
@@ -43,7 +44,6 @@ from geodesic_motion_ros.nodes.obstacle_load import Load, advice
 from geodesic_motion_ros.nodes.publishers import LATCHED, publishers_of, subscribers_of
 from geodesic_motion_ros.nodes.refusals import Refusals
 from geodesic_motion_ros.nodes.steady_loop import LoopStatistics, SteadyLoop
-from geodesic_motion_ros.nodes.stream_cycle import CycleOutput, Pose
 from geodesic_motion_ros.nodes.trajectory_bytes import joint_trajectory_bytes
 from geodesic_motion_ros.obstacles.tracker import ObstacleSet
 from geodesic_motion_ros.planning.declared_scene import DeclaredScene

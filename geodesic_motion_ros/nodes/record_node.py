@@ -23,6 +23,7 @@ from geodesic_motion_ros.nodes.parameters import NodeParameters
 from geodesic_motion_ros.nodes.publishers import publishers_of
 from geodesic_motion_ros.nodes.refusals import Refusals
 from geodesic_motion_ros.nodes.running import STEADY, LoopingNode, run_node
+from geodesic_motion_ros.nodes.usage import PROGRAMS
 from geodesic_motion_ros.utils.errors import DemonstrationError
 
 # None may be lost while a take is judged: at 1 kHz those of some seconds. Drivers of either reliability are received.
@@ -168,7 +169,7 @@ class RecordNode(LoopingNode):
 
 def main(args: list[str] | None = None) -> int:
     """Record until SIGINT or SIGTERM; returns the exit code."""
-    return run_node("record", RecordNode, args)
+    return run_node(PROGRAMS["record"], RecordNode, args)
 
 
 if __name__ == "__main__":

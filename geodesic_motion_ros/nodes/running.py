@@ -26,7 +26,7 @@ from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 
 from geodesic_motion_ros.nodes.float_lists import arguments_with_floats
-from geodesic_motion_ros.nodes.usage import answer
+from geodesic_motion_ros.nodes.usage import Program, answer
 from geodesic_motion_ros.utils.errors import GeodesicMotionError, ParameterError
 
 # A Python thread waits this long [s] for another one to let go of the interpreter. The default, 5 ms, is
@@ -95,7 +95,7 @@ class StopRequest:
             raise KeyboardInterrupt
 
 
-def run_node(name: str, create: Callable[[], LoopingNode], args: list[str] | None) -> int:
+def run_node(program: Program, create: Callable[[], LoopingNode], args: list[str] | None) -> int:
     """Create a node, spin it until it is requested to end, and take it down in the order that never aborts.
 
     Returns the exit code: 0 after SIGINT or SIGTERM, 1 when the node could not start or its loop died.
@@ -103,7 +103,7 @@ def run_node(name: str, create: Callable[[], LoopingNode], args: list[str] | Non
     request = StopRequest()
     node = None
     try:
-        if (code := answer(name, args)) is not None:
+        if (code := answer(program, args)) is not None:
             return code
         _initialise(args)
         node = create()
@@ -119,7 +119,7 @@ def run_node(name: str, create: Callable[[], LoopingNode], args: list[str] | Non
             raise
         return 0
     except GeodesicMotionError as error:
-        print(f"{name}: {' '.join(str(error).split())}", file=sys.stderr)
+        print(f"{program.name}: {' '.join(str(error).split())}", file=sys.stderr)
         return 1
     finally:
         request.starting = False

@@ -35,9 +35,9 @@ def record() -> int:
 
 
 def _answer(name: str) -> int | None:
-    from geodesic_motion_ros.nodes.usage import answer
+    from geodesic_motion_ros.nodes.usage import PROGRAMS, answer
 
-    return answer(name, None)
+    return answer(PROGRAMS[name], None)
 
 
 def start(module: str, interrupted: int, answer: Callable[[], int | None], *arguments: Sequence[str]) -> int:

@@ -56,6 +56,7 @@ from geodesic_motion_ros.nodes.twin_parameters import (
     scripted_spheres,
     steps_per_message,
 )
+from geodesic_motion_ros.nodes.usage import PROGRAMS
 from geodesic_motion_ros.robot.description import RobotDescription
 from geodesic_motion_ros.robot.robot_file import published_urdf
 from geodesic_motion_ros.simulation.loading import simulated_urdf
@@ -417,7 +418,7 @@ class TwinNode(LoopingNode):
 
 def main(args: list[str] | None = None) -> int:
     """Run the twin until SIGINT or SIGTERM; returns the exit code."""
-    return run_node("twin", TwinNode, args)
+    return run_node(PROGRAMS["twin"], TwinNode, args)
 
 
 if __name__ == "__main__":

@@ -5,32 +5,62 @@ from __future__ import annotations
 import sys
 import textwrap
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 from rclpy.utilities import remove_ros_args
 
-from geodesic_motion_ros.nodes.parameter_tables import TABLES
+from geodesic_motion_ros.nodes.parameter_tables import PLANNER, RECORD, TWIN
 from geodesic_motion_ros.nodes.parameters import Parameter, short_text
 from geodesic_motion_ros.utils.errors import ParameterError
 
-#: A command line that shows what the table of parameters cannot.
-_EXAMPLES = {
-    "twin": "twin --ros-args -p spawn_at_start:=true -p spheres:=\"'"
-    "{ball: {kind: static, centre: [0.24, 0.17, 0.44], radius: 0.04}}'\""
+
+@dataclass(frozen=True)
+class Program:
+    """A program that runs a node, as its help describes it.
+
+    Attributes
+    ----------
+    parameters : of the node. file : in config/, sets some of them.
+    about : what to know before them. examples : command lines that show what the parameters cannot.
+    """
+
+    name: str
+    parameters: Sequence[Parameter]
+    file: str
+    about: str = ""
+    examples: tuple[str, ...] = ()
+
+
+PROGRAMS = {
+    program.name: program
+    for program in (
+        Program("planner", PLANNER, "planner.yaml"),
+        Program(
+            "twin",
+            TWIN,
+            "twin.yaml",
+            examples=(
+                "twin --ros-args -p spawn_at_start:=true -p spheres:=\"'"
+                "{ball: {kind: static, centre: [0.24, 0.17, 0.44], radius: 0.04}}'\"",
+            ),
+        ),
+        Program("record", RECORD, "record.yaml"),
+    )
 }
 
 
-def answer(name: str, arguments: Sequence[str] | None) -> int | None:
+def answer(program: Program, arguments: Sequence[str] | None) -> int | None:
     """The exit code where a command line (without the program) asks for help or cannot be; it is answered then.
 
     arguments : None for those of this process.
     """
     try:
-        if not wants_help(name, sys.argv[1:] if arguments is None else arguments):
+        if not wants_help(program.name, sys.argv[1:] if arguments is None else arguments):
             return None
     except ParameterError as error:
-        print(f"{name}: {error}", file=sys.stderr)
+        print(f"{program.name}: {error}", file=sys.stderr)
         return 1
-    print(usage(name, TABLES[name]))
+    print(usage(program))
     return 0
 
 
@@ -74,17 +104,19 @@ def _refuse_bare(words: Sequence[str]) -> None:
         )
 
 
-def usage(name: str, table: Sequence[Parameter]) -> str:
+def usage(program: Program) -> str:
     """How to start a node, and all of its parameters."""
+    name = program.name
     lines = [
         f"usage: {name} [--ros-args [-p NAME:=VALUE] [--params-file FILE] [-r FROM:=TO] [-r __ns:=NAMESPACE]]",
         "",
-        f"parameters with their defaults (config/{name}.yaml is a file of them):",
+        *([*textwrap.wrap(program.about, 110), ""] if program.about else []),
+        f"parameters with their defaults (config/{program.file} is a file of them):",
     ]
-    for parameter in table:
+    for parameter in program.parameters:
         lines.append(f"  {parameter.name} = {short_text(parameter.default)}")
         description = f"{parameter.description}; {parameter.allowed}"
         lines += textwrap.wrap(description, 110, initial_indent="      ", subsequent_indent="      ")
-    if name in _EXAMPLES:
-        lines += ["", "example:", f"  {_EXAMPLES[name]}"]
+    if program.examples:
+        lines += ["", "examples:", *(f"  {example}" for example in program.examples)]
     return "\n".join(lines)

@@ -34,10 +34,11 @@ from std_msgs.msg import Header
 from visualization_msgs.msg import Marker, MarkerArray
 
 from geodesic_motion_ros.nodes import marker_messages, messages
+from geodesic_motion_ros.nodes.cycle_clock import LONGEST_ADVANCE
 from geodesic_motion_ros.nodes.planner_node import PlannerNode
 from geodesic_motion_ros.nodes.running import STEADY
-from geodesic_motion_ros.nodes.stream_cycle import LONGEST_ADVANCE
 from geodesic_motion_ros.nodes.twin_node import TwinNode
+from geodesic_motion_ros.paper.paper_node import PaperNode
 from geodesic_motion_ros.robot.kinematics import Robot
 
 #: How long a condition may take to come true [s], by the machine's clock and by the nodes': far more than it needs, so
@@ -47,7 +48,8 @@ PATIENCE = 200.0
 #: half as long as the motions in them.
 STEP = LONGEST_ADVANCE
 #: By which message of a node it is seen up to when it has lived: one with a header, sent at least every STEP.
-ANSWERS = {PlannerNode: (DiagnosticArray, "planner/status"), TwinNode: (JointState, "joint_states")}
+_STATUS = DiagnosticArray, "planner/status"
+ANSWERS = {PlannerNode: _STATUS, PaperNode: _STATUS, TwinNode: (JointState, "joint_states")}
 BASE = "panda_link0"
 
 
@@ -162,9 +164,9 @@ class Bench:
         node.start()
         return node
 
-    def launch(self, module: str, *arguments: str, **parameters: Any) -> subprocess.Popen:
+    def launch(self, module: str, *arguments: str, folder: str = "nodes", **parameters: Any) -> subprocess.Popen:
         """Run a node of this package as a process."""
-        command = [sys.executable, "-m", f"geodesic_motion_ros.nodes.{module}", *arguments, "--ros-args"]
+        command = [sys.executable, "-m", f"geodesic_motion_ros.{folder}.{module}", *arguments, "--ros-args"]
         for name, value in parameters.items():
             command += ["-p", f"{name}:={value}"]
         process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)

@@ -30,8 +30,8 @@ from geodesic_motion_ros.nodes.goal_sender import (
     send_goal,
 )
 from geodesic_motion_ros.nodes.messages import read_joint_positions, read_pose
+from geodesic_motion_ros.nodes.newest_goal import PREPARING
 from geodesic_motion_ros.nodes.planner_node import PlannerNode
-from geodesic_motion_ros.nodes.stream_cycle import PREPARING
 from geodesic_motion_ros.nodes.twin_node import TwinNode
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.skill.skill import Skill
@@ -98,7 +98,7 @@ def test_a_configuration_is_a_goal_too(bench, options, start_joints, skill):
     bench.watch_planner()
     bench.add(TwinNode, skill=options["skill"])
     planner = bench.add(PlannerNode, **options)
-    names = planner.kind.robot.joint_names
+    names = planner.planner.robot.joint_names
     turned = JointGoal(names[::-1], start_joints[::-1])  # messages have them in any order
     lines = []
     assert send(bench, turned, said=lines.append) >= 0.0
@@ -132,7 +132,7 @@ def test_the_answer_to_a_goal_is_waited_for_while_it_is_prepared(bench, options,
     bench.add(TwinNode, skill=str(skill_folder))
     node = bench.add(PlannerNode, **options)
     bench.wait_for_code("NO_GOAL")
-    planner = node.kind.planner
+    planner = node.planner
     prepare, said = planner.prepared_goal, []
 
     def slowly(*arguments):

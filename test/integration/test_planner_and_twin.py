@@ -244,11 +244,10 @@ def test_an_unreadable_parameter_file_is_said_in_one_line(bench):
         ("planner", {"skill": "/nowhere/at_all"}, "no skill folder '/nowhere/at_all'"),
         ("planner", {"rate": "5.0"}, "parameter rate = 5.0: expected a float from 10 to 1000 [Hz]"),
         ("planner", {"spede": "0.1"}, "parameter spede does not exist; did you mean speed?"),
-        ("planner", {"method": "paper"}, "it certifies nothing and may lead through obstacles; set simulation_only"),
         ("twin", {"spheres": "volcano"}, "there are no spheres 'volcano'"),
         ("twin", {"scene": "two"}, "the parameter `spheres` now"),
     ],
-    ids=["missing skill", "out of range", "unknown parameter", "the paper on an arm", "unknown spheres", "old name"],
+    ids=["missing skill", "out of range", "unknown parameter", "unknown spheres", "old name"],
 )
 def test_what_prevents_a_start_is_said_in_one_line(bench, node, parameters, reason):
     process = bench.launch(f"{node}_node", **parameters)

@@ -130,15 +130,15 @@ class TestPlanService:
         assert moving.status()["code"] == "OK"
 
     def test_joint_states_are_heard_however_long_an_answer_takes(self, moving, skill, make_pose, monkeypatch):
-        kind = moving.planner.kind
-        plan = kind.plan
+        planner = moving.planner.planner
+        plan = planner.plan
 
         def slowly(*ends):
             # longer than a joint state may be old
             moving.live(2.5)
             return plan(*ends)
 
-        monkeypatch.setattr(kind, "plan", slowly)
+        monkeypatch.setattr(planner, "plan", slowly)
         heard = len(moving.heard["planner/status"])
         for _ in range(2):
             assert moving.call(GetPlan, "plan", self.request(make_pose, skill.start_pose, skill.goal_pose)).plan.poses
@@ -146,8 +146,8 @@ class TestPlanService:
         assert "STALE_STATE" not in said
 
     def test_a_node_that_stops_finishes_one_plan_and_drops_those_that_wait(self, moving, skill, make_pose, monkeypatch):
-        kind, begun, release = moving.planner.kind, threading.Semaphore(0), threading.Event()
-        plan, plans = kind.plan, []
+        planner, begun, release = moving.planner.planner, threading.Semaphore(0), threading.Event()
+        plan, plans = planner.plan, []
 
         def waiting(*ends):
             begun.release()
@@ -155,7 +155,7 @@ class TestPlanService:
             plans.append(plan(*ends))
             return plans[-1]
 
-        monkeypatch.setattr(kind, "plan", waiting)
+        monkeypatch.setattr(planner, "plan", waiting)
         client = moving.probe.create_client(GetPlan, "plan")
         assert client.wait_for_service(PATIENCE)
         for _ in range(3):
@@ -241,8 +241,8 @@ class TestPictures:
         bench.send_joint_states(start_joints)
         bench.send_goal(skill.goal_pose)
         bench.wait_for_code("OK")
-        drawn, render = [], node.view.render
-        monkeypatch.setattr(node.view, "render", lambda *of: drawn.append(render(*of)) or drawn[-1])
+        drawn, render = [], node.face.view.render
+        monkeypatch.setattr(node.face.view, "render", lambda *of: drawn.append(render(*of)) or drawn[-1])
         so_far = len(bench.heard["planner/status"])
         bench.wait(lambda: len(bench.heard["planner/status"]) > so_far + 60, "half a second in which nobody looks")
         assert not drawn
@@ -329,18 +329,10 @@ class TestParameters:
     def test_what_cannot_change_is_refused(self, ready):
         assert not ready.planner.set_parameters([Parameter("prediction", value=2.0)])[0].successful
 
-    def test_the_paper_s_planner_keeps_its_speed_and_says_so(self, bench, planner_options):
-        paper = {"skill": planner_options["skill"], "method": "paper", "simulation_only": True}
-        node = bench.add(PlannerNode, **paper)
-        result = node.set_parameters([Parameter("speed_scale", value=0.1)])[0]
-        assert not result.successful
-        assert result.reason == "parameter speed_scale cannot change while the method is 'paper': start it anew"
-        assert node.set_parameters([Parameter("state_timeout", value=1.0)])[0].successful
-
     @pytest.mark.parametrize("scale", [0.3, 0.02], ids=["control: as fast as before", "slower"])
     def test_an_arm_in_motion_can_be_slower_and_farther_away(self, moving, scale):
         """Its fastest joint makes 2.6 rad/s; `status` has what is commanded of the fastest one."""
-        planner, slow = moving.planner.kind.planner, 0.02 * 2.61
+        planner, slow = moving.planner.planner, 0.02 * 2.61
         moving.wait(lambda: float(moving.status()["speed"]) > 3.0 * slow, "an arm in fast motion")
         changes = {"speed_scale": scale, "obstacle_margin": 0.02, "obstacle_position_error": 0.01}
         results = moving.planner.set_parameters([Parameter(name, value=value) for name, value in changes.items()])

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
+from geodesic_motion_ros.nodes.arm_watch import REST_TIME
 from geodesic_motion_ros.nodes.arrival import ArrivalWatch
-from geodesic_motion_ros.nodes.stream_cycle import REST_TIME, CycleInputs, CycleOutput
+from geodesic_motion_ros.nodes.cycle import CycleInputs, CycleOutput
 from geodesic_motion_ros.obstacles.tracker import ObstacleTracker
 from geodesic_motion_ros.planning.status import Verdict, VerdictCode
 
@@ -19,11 +19,13 @@ OK, REFUSED = Verdict(VerdictCode.OK), Verdict(VerdictCode.GOAL_OUT_OF_SUPPORT, 
 
 
 class Bench:
-    """A watch, and an arm whose tool follows a path of one metre along x, its end being the goal."""
+    """A watch, and an arm that carries its tool along a path of one metre along x, its end being the goal: an arm of
+    three sliding joints.
+    """
 
     def __init__(self) -> None:
         path = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0]]), np.stack([UPRIGHT, UPRIGHT])
-        self.watch = ArrivalWatch(SimpleNamespace(tool_poses=lambda reference: path))
+        self.watch = ArrivalWatch(lambda joints: (joints, UPRIGHT), lambda reference: path)
         self.now = 100.0
 
     def cycles(
@@ -32,8 +34,9 @@ class Bench:
     ) -> Iterator[str]:  # fmt: skip
         """What is logged in some seconds with the tool at x = place [m], which moves on by `off` [m] in each cycle."""
         for _ in range(round(seconds / PERIOD)):
-            tool = np.array([place, 0.0, 0.0]), UPRIGHT
-            inputs = CycleInputs(tool, 0.0, tool, goal, ObstacleTracker().current(0.0), now=self.now, heard=self.now)
+            joints = np.array([place, 0.0, 0.0])
+            seen, times = ObstacleTracker().current(0.0), {"now": self.now, "heard": self.now}
+            inputs = CycleInputs(joints, 0.0, (joints, UPRIGHT), goal, seen, **times)
             line = self.watch.observe(inputs, CycleOutput(verdict, of_goal, time_to_goal=left, speed=speed))
             self.now, place = self.now + PERIOD, place + off
             if line:

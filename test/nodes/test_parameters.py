@@ -12,6 +12,7 @@ import yaml
 
 from geodesic_motion_ros.nodes.parameter_tables import TABLES
 from geodesic_motion_ros.nodes.parameters import Parameter, markdown_table, yaml_document
+from geodesic_motion_ros.paper.paper_parameters import PAPER
 from geodesic_motion_ros.planning.settings import PlannerSettings
 from geodesic_motion_ros.robot.description import shipped_robots
 from geodesic_motion_ros.robot.kinematics import Robot
@@ -42,12 +43,12 @@ def test_the_shipped_file_holds_every_default(node):
         parameter.check(values[parameter.name])
 
 
-def test_the_papers_profile_sets_parameters_of_the_planner_and_says_what_it_is_for():
+def test_the_papers_profile_sets_parameters_of_its_node_and_says_what_it_is_for():
     content = yaml.safe_load((CONFIG / "paper.yaml").read_text())["/**/planner"]["ros__parameters"]
-    known = {parameter.name: parameter for parameter in TABLES["planner"]}
+    known = {parameter.name: parameter for parameter in PAPER}
     for name, value in content.items():
         known[name].check(value)
-    assert (content["method"], content["simulation_only"]) == ("paper", True)
+    assert content["simulation_only"] is True
 
 
 @pytest.mark.parametrize(("node", "parameter"), ALL, ids=lambda value: getattr(value, "name", value))

@@ -9,8 +9,8 @@ from collections.abc import Callable, Iterator
 import numpy as np
 import pytest
 
-from geodesic_motion_ros.nodes.joint_cycle import JointCycle
-from geodesic_motion_ros.nodes.stream_cycle import CycleInputs
+from geodesic_motion_ros.nodes.cycle import CycleInputs
+from geodesic_motion_ros.nodes.planner_cycle import PlannerCycle
 from geodesic_motion_ros.obstacles.tracker import ObstacleTracker
 from geodesic_motion_ros.planning.planner import ReactivePlanner
 from geodesic_motion_ros.skill.skill import Skill
@@ -44,7 +44,7 @@ def played(planner: ReactivePlanner, received: Callable[[int], dict], count: int
     planner.clear_goal()
     planner.set_task_frame(np.zeros(3), UPRIGHT)
     planner.stand_at(start_of(planner), 0.0)
-    cycle = JointCycle(planner, 0.1, 1.0, tracking_tolerance=0.1, horizon=3.0, clock=lambda: 0.0)
+    cycle = PlannerCycle(planner, 0.1, 1.0, tracking_tolerance=0.1, horizon=3.0, clock=lambda: 0.0)
     inputs = CycleInputs(
         measured=start_of(planner), state_age=0.0, goal=tuple(GOAL), goal_number=1, obstacles=NOTHING,
         goal_in_task_frame=True,

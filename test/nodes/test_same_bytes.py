@@ -19,8 +19,8 @@ from pathlib import Path
 
 import numpy as np
 
-from geodesic_motion_ros.nodes.joint_cycle import JointCycle
-from geodesic_motion_ros.nodes.stream_cycle import CycleInputs, CycleOutput, StreamCycle
+from geodesic_motion_ros.nodes.cycle import CycleInputs, CycleOutput
+from geodesic_motion_ros.nodes.planner_cycle import PlannerCycle
 from geodesic_motion_ros.nodes.trajectory_bytes import joint_trajectory_bytes
 from geodesic_motion_ros.obstacles.tracker import ObstacleTracker
 from geodesic_motion_ros.planning.planner import ReactivePlanner
@@ -53,7 +53,7 @@ def inputs_at(cycle: int, skill: Skill, tracker: ObstacleTracker) -> CycleInputs
 
 
 def digest(
-    cycle: StreamCycle, skill: Skill, measured: Callable[[float], object], sent: Callable[[CycleOutput], bytes]
+    cycle: PlannerCycle, skill: Skill, measured: Callable[[float], object], sent: Callable[[CycleOutput], bytes]
 ) -> tuple[str, str]:
     """SHA-256 of all that is sent, and for each cycle whether it had a path: 1 or 0."""
     found, tracker, found_paths = hashlib.sha256(), ObstacleTracker(), []
@@ -78,7 +78,7 @@ class Arm:
     def run(self) -> tuple[str, str]:
         self.planner.clear_goal()
         self.planner.set_obstacles(np.zeros((0, 3)), np.zeros(0))
-        cycle = JointCycle(self.planner, 0.1, 1.0, tracking_tolerance=0.1, horizon=2.0, clock=lambda: 0.0)
+        cycle = PlannerCycle(self.planner, 0.1, 1.0, tracking_tolerance=0.1, horizon=2.0, clock=lambda: 0.0)
         self.planner.stand_at(self.start, 100.0)
         return digest(cycle, self.skill, lambda now: self.planner.commanded(now)[0], self.sent)
 

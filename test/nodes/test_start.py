@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 #: Where the programs begin.
-FOLDERS = {"planner": "nodes", "twin": "nodes", "record": "nodes", "demo": "demo"}
+FOLDERS = {"planner": "nodes", "twin": "nodes", "record": "nodes", "paper_planner": "paper", "demo": "demo"}
 # Interrupts its own process at the very moment when a library of the node is looked for.
 INTERRUPTED = """
 import os, signal, sys
@@ -27,7 +27,7 @@ sys.exit({program}())
 """
 
 
-@pytest.mark.parametrize(("program", "code"), [("planner", 0), ("twin", 0), ("record", 0), ("demo", 130)])
+@pytest.mark.parametrize(("program", "code"), [*((program, 130 if program == "demo" else 0) for program in FOLDERS)])
 @pytest.mark.parametrize("signal", ["SIGINT", "SIGTERM"])
 def test_an_interrupt_while_loading_ends_without_a_traceback(program: str, code: int, signal: str) -> None:
     script = INTERRUPTED.format(library="scipy", signal=signal, program=program, folder=FOLDERS[program])
@@ -41,6 +41,7 @@ def test_an_interrupt_while_loading_ends_without_a_traceback(program: str, code:
 COMPILED = """
 import signal, sys, threading
 from geodesic_motion_ros.nodes.running import run_node
+from geodesic_motion_ros.nodes.usage import PROGRAMS
 
 def create():
     try:
@@ -50,7 +51,7 @@ def create():
         pass
     raise SystemError("returned a result with an exception set")
 
-sys.exit(run_node("twin", create, []))
+sys.exit(run_node(PROGRAMS["twin"], create, []))
 """
 
 
@@ -64,7 +65,7 @@ def test_only_an_interrupt_excuses_what_compiled_code_raises_while_starting(numb
 # Takes a node down whose only deed is to tell on how many cores the threads of its process may run by then.
 TAKEN_DOWN = """
 import os, threading
-from geodesic_motion_ros.nodes import running
+from geodesic_motion_ros.nodes import running, usage
 
 class Node(running.LoopingNode):
     def _build(self):
@@ -84,7 +85,7 @@ class Node(running.LoopingNode):
         print(len(threads) > 1, len(set().union(*map(os.sched_getaffinity, threads))))
         super().destroy_node()
 
-running.run_node("twin", lambda: Node("idle"), [])
+running.run_node(usage.PROGRAMS["twin"], lambda: Node("idle"), [])
 """
 
 

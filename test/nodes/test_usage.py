@@ -11,17 +11,21 @@ import pytest
 import rclpy
 
 from geodesic_motion_ros.nodes import planner_node, twin_node
-from geodesic_motion_ros.nodes.parameter_tables import TABLES
 from geodesic_motion_ros.nodes.parameters import NodeParameters, Value
 from geodesic_motion_ros.nodes.twin_parameters import scripted_spheres
-from geodesic_motion_ros.nodes.usage import usage, wants_help
+from geodesic_motion_ros.nodes.usage import PROGRAMS, Program, usage, wants_help
+from geodesic_motion_ros.paper import paper_node
+from geodesic_motion_ros.paper.paper_parameters import PROGRAM as PAPERS_PROGRAM
 from geodesic_motion_ros.utils.errors import ParameterError
 
+#: By their names.
+ALL = {program.name: program for program in (*PROGRAMS.values(), PAPERS_PROGRAM)}
 
-@pytest.mark.parametrize("node", TABLES)
-def test_the_usage_names_every_parameter_with_what_is_allowed(node: str) -> None:
-    text = " ".join(usage(node, TABLES[node]).split())
-    for parameter in TABLES[node]:
+
+@pytest.mark.parametrize("program", ALL.values(), ids=ALL)
+def test_the_usage_names_every_parameter_with_what_is_allowed(program: Program) -> None:
+    text = " ".join(usage(program).split())
+    for parameter in program.parameters:
         assert f" {parameter.name} = " in text
         assert parameter.allowed in text
 
@@ -62,9 +66,10 @@ def given(line: str, name: str) -> Mapping[str, Value]:
     """The parameters of a node as a command line sets them, through a shell and ROS."""
     context = rclpy.Context()
     rclpy.init(args=shlex.split(line, comments=True), context=context)
-    node = rclpy.create_node(name, context=context)
+    # The paper's takes the name, too, of the planner whose place it takes.
+    node = rclpy.create_node(name.removeprefix("paper_"), context=context)
     try:
-        return NodeParameters(node, TABLES[name], lambda values: None, lambda values: None).values
+        return NodeParameters(node, ALL[name].parameters, lambda values: None, lambda values: None).values
     finally:
         node.destroy_node()
         rclpy.try_shutdown(context=context)
@@ -72,10 +77,10 @@ def given(line: str, name: str) -> Mapping[str, Value]:
 
 REPOSITORY = Path(__file__).resolve().parents[2]
 PAGES = [REPOSITORY / "config" / "README.md", *sorted((REPOSITORY / "doc").glob("*.md"))]
-TEXT = "\n".join([*(page.read_text() for page in PAGES), *(usage(name, table) for name, table in TABLES.items())])
+TEXT = "\n".join([*(page.read_text() for page in PAGES), *map(usage, ALL.values())])
 #: Command lines that start a node, each with its name.
 STARTS = re.findall(
-    r"^ *((?:ros2 run geodesic_motion_ros |\.venv/bin/)?(twin|planner|record) --ros-args .*)$",
+    r"^ *((?:ros2 run geodesic_motion_ros |\.venv/bin/)?(twin|planner|record|paper_planner) --ros-args .*)$",
     TEXT.replace("\\\n", " "), re.MULTILINE,
 )  # fmt: skip
 
@@ -92,12 +97,12 @@ def test_the_command_lines_of_pages_and_help_are_understood() -> None:
 
 
 def test_spheres_without_inner_quotes_are_refused() -> None:
-    (line,) = [line for line, _ in STARTS if line.startswith("twin ")]
+    (line,) = [line for line, _ in STARTS if line.startswith("twin ") and "spheres" in line]
     with pytest.raises(RuntimeError, match="parse"):
         given(line.replace("'", ""), "twin")
 
 
-@pytest.mark.parametrize("module", [planner_node, twin_node])
+@pytest.mark.parametrize("module", [planner_node, twin_node, paper_node])
 def test_programs_help_and_refuse(module, capsys) -> None:
     assert module.main(["--help"]) == 0
     assert capsys.readouterr().out.startswith("usage: ")

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from geodesic_motion_ros.manifold.configuration_graph import ConfigurationGraph
-from geodesic_motion_ros.nodes.skill_kinds import CertifiedKind
+from geodesic_motion_ros.nodes.planner_node import latent_view
 from geodesic_motion_ros.obstacles.obstacles import Obstacles
 from geodesic_motion_ros.robot.collision_model import CollisionModel
 from geodesic_motion_ros.robot.kinematics import Robot
@@ -72,5 +72,5 @@ def test_where_the_decoder_is_sure_it_is_dark_and_where_there_are_no_nodes_brigh
 
 
 def test_the_node_draws_a_latent_space_of_three_dimensions(reach_skill, graph):
-    kind = SimpleNamespace(planner=SimpleNamespace(graph=graph, collision=MODEL))
-    assert isinstance(CertifiedKind.view(kind, reach_skill, 128), ArmView)
+    planner = SimpleNamespace(graph=graph, collision=MODEL)
+    assert isinstance(latent_view(planner, reach_skill, 128), ArmView)

@@ -12,8 +12,8 @@ from typing import Any
 import numpy as np
 import yaml
 
+from geodesic_motion_ros.nodes.newest_goal import PREPARING
 from geodesic_motion_ros.nodes.parameter_tables import TWIN
-from geodesic_motion_ros.nodes.stream_cycle import PREPARING
 from geodesic_motion_ros.studies.faults.bench import Bench
 from geodesic_motion_ros.studies.faults.fault import START, Fault, Findings, NotSeenError
 from geodesic_motion_ros.studies.faults.goal_faults import require_unchanged

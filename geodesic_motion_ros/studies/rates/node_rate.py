@@ -137,7 +137,7 @@ def measure_paper(folder: Path, rate: float = 100.0, seconds: float = 8.0, domai
         planner = PaperPlanner(skill, PaperSettings(strength), _COARSE[len(skill.latent_lower)])
         ends = (tuple(np.split(pose, [3])) for pose in (skill.start_pose, skill.goal_pose))
         path, _ = planner.tool_poses(planner.plan(*ends))
-        paper = {"method": "paper", "simulation_only": True, "ambient_strength": strength}
+        paper = {"module": "paper.paper_node", "simulation_only": True, "ambient_strength": strength}
         for scene, spheres in {"no obstacle": no_spheres, "a sphere moves through the path": _through(path)}.items():
             with PlannerStream(name, folder / name / scene.replace(" ", "_"), rate, domain, **paper) as stream:
                 stream.spheres = spheres

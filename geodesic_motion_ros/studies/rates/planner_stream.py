@@ -68,8 +68,12 @@ class PlannerStream:
     DemoError : a node has ended, or what is waited for does not happen.
     """
 
-    def __init__(self, skill: str, folder: Path, rate: float, domain: int, **parameters: object) -> None:
-        """parameters : of the planner, besides skill and rate."""
+    def __init__(
+        self, skill: str, folder: Path, rate: float, domain: int, module: str = "nodes.planner_node",
+        **parameters: object,
+    ) -> None:  # fmt: skip
+        """module : of the planner. parameters : of it, besides skill and rate."""
+        self._module = module
         self.skill = Skill.load(skill)
         self.spheres: Spheres = no_spheres
         self.first_number = 0
@@ -97,7 +101,7 @@ class PlannerStream:
     def __enter__(self) -> PlannerStream:
         try:
             self._processes.start("twin", {"skill": self._name})
-            self._processes.start("planner", self._parameters)
+            self._processes.start("planner", self._parameters, module=self._module)
             self.wait(lambda: self._followed and self._goals.get_subscription_count(), PATIENCE)
         except BaseException:
             self.__exit__()

@@ -1,4 +1,4 @@
-"""The paper's planner: the cycle of the planner node with `method: paper`, and the paper's model of the same task.
+"""The paper's planner: the cycle of its node, and the paper's model of the same task.
 
 Nothing is removed near obstacles, predicted or certified; x is the tool's origin or the arm's points, r the radius of
 the sphere alone, and nothing else that is declared is known. Every tick ends where the node's deadline would end it, by
@@ -14,12 +14,13 @@ from dataclasses import asdict, replace
 
 import numpy as np
 
-from geodesic_motion_ros.nodes.stream_cycle import CycleInputs, Pose
+from geodesic_motion_ros.nodes.cycle import CycleInputs
 from geodesic_motion_ros.obstacles.obstacles import Obstacles
 from geodesic_motion_ros.obstacles.tracker import ObstacleSet
 from geodesic_motion_ros.paper.follower import TimedPath
-from geodesic_motion_ros.paper.paper_cycle import PaperCycle, PaperJointCycle, PaperPoseCycle
+from geodesic_motion_ros.paper.paper_cycle import PaperCycle
 from geodesic_motion_ros.paper.paper_planner import STRENGTH_OF_POSES, PaperPlanner, PaperSettings
+from geodesic_motion_ros.paper.streams import PoseStream, TrajectoryStream
 from geodesic_motion_ros.skill.skill import Skill
 from geodesic_motion_ros.studies.comparison.arena import Arena
 from geodesic_motion_ros.studies.comparison.method import TICK, Answer
@@ -48,43 +49,37 @@ class PapersPlanner:
 
     def reset(self, scene: Scene) -> None:
         """Forget all that was before."""
-        common = {"offsets": (math.inf, math.inf), "clock": time.thread_time}
         self._goal, self._version, self._path = scene.goal_pose, 0, None
-        self._place: np.ndarray | Pose
-        self._cycle: PaperCycle
+        # However it follows, nothing is too far from where it was sent: of poses only where the arm begins counts.
+        self._measured = scene.start
         self._planner.clear_goal()
+        stream: PoseStream | TrajectoryStream
         if self._arena.whole_arm:
             self._planner.goal = scene.goal
-            self._place = scene.start
-            self._cycle = PaperJointCycle(
-                self._planner, *_TIMEOUTS, latency=_LATENCY, tracking_tolerance=math.inf, **common
-            )
+            stream = TrajectoryStream(self._planner, math.inf, _LATENCY)
         else:
             self._planner.goal = np.concatenate(scene.goal_pose)
-            self._place = self._arena.robot.forward(scene.start)
-            self._cycle = PaperPoseCycle(
-                self._planner, *_TIMEOUTS, tracking_tolerance=math.inf, tracking_tolerance_angle=math.inf, **common
-            )
+            stream = PoseStream(self._planner, (math.inf, math.inf))
+        self._cycle = PaperCycle(self._planner, stream, *_TIMEOUTS, (math.inf, math.inf), time.thread_time)
 
     def tick(self, now: float, obstacles: Obstacles) -> Answer:
-        """As the planner node's cycle, of an arm that is where it was sent."""
+        """As the node's cycle, of an arm that is where it was sent."""
         self._version += 1
         count = len(obstacles.radii)
         seen = ObstacleSet(
             obstacles.centres, obstacles.radii, tuple(map(str, range(count))), self._version, np.zeros((count, 3)),
             np.zeros(count), np.full(count, now),
         )  # fmt: skip
-        inputs = CycleInputs(self._place, 0.0, self._goal, 1, seen, now=now, heard=now)
+        inputs = CycleInputs(self._measured, 0.0, self._goal, 1, seen, now=now, heard=now)
         output = self._cycle.run(inputs, TICK)
         refusal = "" if output.verdict.ok else output.verdict.sentence
         if output.configuration is not None:
-            self._place = output.configuration
+            self._measured = output.configuration
         if output.trajectory is not None:
             return Answer.playing(*output.trajectory, refusal)
         if output.commanded is None:
             return Answer(refusal=refusal)
-        self._place, before = output.commanded, self._path
-        self._path = self._planner.path
+        before, self._path = self._path, self._planner.path
         return Answer(pose=output.commanded, refusal=refusal, planned=self._path is not before)
 
 

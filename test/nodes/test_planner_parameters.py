@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from geodesic_motion_ros.nodes.parameter_tables import PLANNER
-from geodesic_motion_ros.nodes.skill_kinds import of_robot
+from geodesic_motion_ros.nodes.planner_parameters import of_robot
 from geodesic_motion_ros.robot.collision_model import tool_spheres
 from geodesic_motion_ros.skill.skill import Skill
 

@@ -1,4 +1,10 @@
-"""One cycle of the planner node: the stream of configurations that the arm is to pass. Knows nothing of ROS."""
+"""One cycle of the planner node: the stream of configurations that the arm is to pass. Knows nothing of ROS.
+
+What is commanded never jumps: it moves along certified references or stands still. When the arm is found further than
+a tolerance from where it was sent (it was moved, blocked, or restarted), or was unknown for long, or when the clock was
+set, the goal is dropped, and nothing is commanded until the arm has rested for a moment: then what is commanded is
+where the arm already is, and the next goal sets it moving again.
+"""
 
 from __future__ import annotations
 
@@ -14,9 +20,13 @@ import numpy as np
 
 from geodesic_motion_ros.geometry.distance_field import DistanceField
 from geodesic_motion_ros.geometry.task_frame import TaskFrame
-from geodesic_motion_ros.nodes.deviation import joint_deviation, joints_moved, pose_deviation
+from geodesic_motion_ros.nodes.arm_watch import ArmWatch, Unsettled
+from geodesic_motion_ros.nodes.cycle import CycleInputs, CycleOutput, Pose
+from geodesic_motion_ros.nodes.cycle_clock import CycleClock
+from geodesic_motion_ros.nodes.deviation import joint_deviation, pose_deviation
+from geodesic_motion_ros.nodes.input_faults import Halt, readiness, rivals, stale_state
+from geodesic_motion_ros.nodes.newest_goal import NewestGoal
 from geodesic_motion_ros.nodes.preparation import Preparation
-from geodesic_motion_ros.nodes.stream_cycle import CycleInputs, CycleOutput, Halt, Pose, StreamCycle, Unsettled
 from geodesic_motion_ros.obstacles.obstacles import Obstacles
 from geodesic_motion_ros.planning.arm_clearance import obstacle_clearance
 from geodesic_motion_ros.planning.guarded_arm import PreparedArm
@@ -31,6 +41,8 @@ from geodesic_motion_ros.trajectory.trajectory import JointReference
 from geodesic_motion_ros.utils.deadline import Deadline
 from geodesic_motion_ros.utils.errors import ParameterError, PlanningError
 
+#: Share of a period after which a tick begins nothing new: what it has begun then ends within the period.
+DEADLINE_SHARE = 0.5
 #: From the planner's answer to the arm that plays it, at most [s].
 TRANSIT = 0.005
 #: A joint state may be this old [s] before its age counts as lag: what two periods of a driver of 40 Hz take.
@@ -41,15 +53,24 @@ _NAMED = ("obstacles", "obstacle_marker")
 _NO_PROGRESS = 0.01
 
 
-class JointCycle(StreamCycle[np.ndarray, PreparedGoal]):
+class PlannerCycle:
     """Turns inputs into ticks of a planner, and its plans into commands: one cycle of the planner node for a whole arm.
 
     Parameters
     ----------
-    command_topic, state_timeout, resume_timeout, clock, background : as of `StreamCycle`.
+    state_timeout : [s] a joint state older than this stops the arm.
+    resume_timeout : [s] when the state returns after less than this, the motion resumes; after more, the goal is
+        dropped.
+    command_topic : where the commands go.
+    clock : tells the time that a cycle takes [s].
+    background : prepares goals while cycles go on; None: a cycle does it, and takes longer.
     tracking_tolerance : [rad] largest distance of a joint from where it was sent.
     tool_tolerance : [m], [rad] largest distance of the tool from where it was sent, where poses command the arm.
     horizon : [s] what is sent leads so far ahead, and then to rest (`trajectory/receding_horizon.py`).
+
+    Attributes
+    ----------
+    state_topic : where the arm's state comes from, as messages name it; "joint_states" until it is set.
 
     Raises
     ------
@@ -68,12 +89,21 @@ class JointCycle(StreamCycle[np.ndarray, PreparedGoal]):
         background: Executor | None = None,
         tool_tolerance: tuple[float, float] = (0.05, 0.35),
     ) -> None:
-        super().__init__(command_topic, state_timeout, resume_timeout, clock, background)
         if horizon < planner.settings.prediction:
             raise ParameterError(
                 f"parameter horizon = {horizon:g}: must not be less than prediction, {planner.settings.prediction:g} s"
             )
         self.planner = planner
+        self.state_topic, self._command_topic = "joint_states", command_topic
+        self.state_timeout, self.resume_timeout = state_timeout, resume_timeout
+        self._clock, self._time = clock, CycleClock()
+        self._began = 0.0
+        self._arm = ArmWatch()
+        self._goal: NewestGoal[PreparedGoal] = NewestGoal(self._take_prepared, planner.clear_goal, background)
+        # Whether goals are to be prepared later, with what the hand is about to hold; and which held objects do not
+        # count yet, for which the arm stands; "": none.
+        self._goals_wait, self._uncounted = False, ""
+        self._obstacles_version = -1
         self._horizon = Horizon(horizon)
         self.tracking_tolerance, self.tool_tolerance = tracking_tolerance, tool_tolerance
         # An arm that does not hold the posture it was sent, and where its tool was when it last did not (3,) [m].
@@ -104,14 +134,20 @@ class JointCycle(StreamCycle[np.ndarray, PreparedGoal]):
         self._near: np.ndarray | None = None
         self._turned_by = np.zeros(len(planner.robot.joint_names))
 
-    def run(self, inputs: CycleInputs[np.ndarray], period: float) -> CycleOutput:
-        """See `StreamCycle.run`. The steps before that, whose order matters:
+    @property
+    def goal_number(self) -> int:
+        """Of the newest goal that was received, counted from 1; 0 before the first."""
+        return self._goal.number
+
+    def run(self, inputs: CycleInputs, period: float) -> CycleOutput:
+        """One cycle of a period [s]: judge the inputs, take a goal, know where the arm is, and ask the planner.
+
+        The steps before that, whose order matters:
 
         1. If no cycle came for so long that the arm brakes by itself, on the stop at the end of the trajectory that was
            sent last (`Horizon.overrun`), the planner records that, and plans on from the stop.
         2. Changed settings, and the objects in the hand, are counted once they are prepared. Until then `_uncounted`
-           names the objects that do not count yet, for which the base class lets the arm stand, and `_goals_wait`
-           defers goals.
+           names the objects that do not count yet, for which the arm stands, and `_goals_wait` defers goals.
         3. The places of released objects are forgotten where the arm has left them.
         4. Obstacles that have the name of an object in the hand are that object, and do not count while it is held, nor
            where it was released, until the arm has left it. Where these names change, the obstacles are set anew.
@@ -127,20 +163,34 @@ class JointCycle(StreamCycle[np.ndarray, PreparedGoal]):
         names = [*(held.name for held in self.planner.held), *in_place]
         if names != self._not_counted:
             self._not_counted, self._obstacles_version = names, -1
-        return super().run(self._in_turn(inputs).without(_labels(names)), period)
+        return self._run(self._in_turn(inputs).without(_labels(names)), period)
 
-    def _in_turn(self, inputs: CycleInputs[np.ndarray]) -> CycleInputs[np.ndarray]:
+    def _run(self, inputs: CycleInputs, period: float) -> CycleOutput:
+        self._began = self._clock()
+        if why := self._time.read(inputs, period):
+            self._arm.jump = self._time.jump
+            self._goal.drop(why)
+        self._take_task_frame(inputs.task_frame)
+        self._take_goal(inputs)
+        obstacles_taken = self._take_obstacles(inputs)
+        refused = self._take_state(inputs) or self._goal.heed(rivals(inputs, self._command_topic))
+        without_goal = None if self._goal.is_set else self._goal.verdict
+        verdict = refused or readiness(inputs, self._command_topic, self._uncounted, without_goal)
+        deadline = Deadline(self._began + DEADLINE_SHARE * period, self._clock)
+        return self._command(obstacles_taken if verdict.ok else verdict, inputs, deadline)
+
+    def _in_turn(self, inputs: CycleInputs) -> CycleInputs:
         """The inputs with continuous joints measured in the turn that is commanded, however the driver counts turns."""
         measured = inputs.measured
         if measured is None or not np.any(self.planner.robot.is_continuous):
             return inputs
-        commanded = self.planner.commanded(inputs.now) if self._lost is None else None
+        commanded = self.planner.commanded(inputs.now) if self._arm.lost is None else None
         near = self._near if commanded is None else commanded[0]
         self._near = measured if near is None else self.planner.robot.nearest_turn(measured, near)
         self._turned_by = measured - self._near
         return replace(inputs, measured=self._near)
 
-    def _take_arm(self, inputs: CycleInputs[np.ndarray]) -> None:
+    def _take_arm(self, inputs: CycleInputs) -> None:
         """Have what the hand holds, and settings, prepared where they are new, and count them once that is done."""
         changes = self.changes
         if inputs.held != self._held or changes != self._changes:
@@ -170,7 +220,7 @@ class JointCycle(StreamCycle[np.ndarray, PreparedGoal]):
             self._released |= {held.name: _placed(held, tool) for held in left}
         self._released = {name: place for name, place in self._released.items() if name not in names}
 
-    def _not_left(self, inputs: CycleInputs[np.ndarray]) -> dict[str, Obstacles]:
+    def _not_left(self, inputs: CycleInputs) -> dict[str, Obstacles]:
         """Of the places of released objects those near which the arm is, or near the obstacle that is still there."""
         planner, commanded = self.planner, self.planner.commanded(inputs.now) if self._released else None
         if commanded is None:
@@ -189,15 +239,15 @@ class JointCycle(StreamCycle[np.ndarray, PreparedGoal]):
         }
 
     def stop(self, verdict: Verdict) -> CycleOutput:
+        """The end of a cycle that failed, in `run` or before: come to rest, and say why."""
         return self._output(self.planner.stop(self._now, verdict, self._handover_deadline()))
 
     def _handover_deadline(self) -> Deadline:
         """What is planned from now on must have been found by then."""
         return Deadline(self._clock() + self.planner.settings.latency - TRANSIT, self._clock)
 
-    def _command(
-        self, verdict: Verdict, inputs: CycleInputs[np.ndarray], advance: float, deadline: Deadline
-    ) -> CycleOutput:
+    def _command(self, verdict: Verdict, inputs: CycleInputs, deadline: Deadline) -> CycleOutput:
+        """Plan where the verdict is OK, stop otherwise."""
         # Taking a goal may have cost time, and what is planned begins a moment from now.
         self._now = inputs.now + (0.0 if inputs.simulated else self._clock() - self._began)
         verdict = self._frame_verdict if verdict.ok else verdict
@@ -220,11 +270,11 @@ class JointCycle(StreamCycle[np.ndarray, PreparedGoal]):
             trajectory = replace(reference, positions=reference.positions + self._turned_by), begin
         return CycleOutput(
             plan.verdict,
-            self._goal_verdict,
+            self._goal.verdict,
             trajectory=trajectory,
             reference=None if path is None else path[0],
             time_to_goal=math.nan if path is None else max(0.0, path[1] + path[0].duration - self._now),
-            configuration=None if commanded is None or self._lost or self._missing else commanded[0],
+            configuration=None if commanded is None or self._arm.lost or self._arm.missing else commanded[0],
             speed=0.0 if commanded is None else float(np.max(np.abs(commanded[1]))),
             mode=plan.mode.value,
         )
@@ -232,7 +282,7 @@ class JointCycle(StreamCycle[np.ndarray, PreparedGoal]):
     def _hand_over(self, plan: Plan) -> tuple[JointReference, float] | None:
         """Bound what this cycle sends of a plan: the trajectory, and when it begins [s]; None where nothing is sent."""
         standing, self._standing = self._standing, None
-        if self._lost is not None and standing is not None and standing.reference is not None:
+        if self._arm.lost is not None and standing is not None and standing.reference is not None:
             # The arm was found elsewhere: what was being played must not go on. And a trajectory that has ended when
             # it arrives would be refused.
             self._horizon.forget()
@@ -250,16 +300,21 @@ class JointCycle(StreamCycle[np.ndarray, PreparedGoal]):
             return None
         return sent.reference, sent.begin
 
-    def _request_goal(self, inputs: CycleInputs[np.ndarray]) -> None:
+    def _take_goal(self, inputs: CycleInputs) -> None:
+        self._goal.hear(inputs, partial(self._preparing, inputs))
+        if not self._goals_wait:
+            self._goal.take_prepared()
+
+    def _preparing(self, inputs: CycleInputs) -> Callable[[], PreparedGoal | Verdict]:
         self._again = False
         if isinstance(inputs.goal, np.ndarray):
-            self._goals.ask(partial(self.planner.prepared_configuration, inputs.goal))
-        else:
-            self._goals.ask(partial(self.planner.prepared_goal, *inputs.goal, inputs.goal_in_task_frame))
+            return partial(self.planner.prepared_configuration, inputs.goal)
+        return partial(self.planner.prepared_goal, *inputs.goal, inputs.goal_in_task_frame)
 
     def _take_prepared(self, prepared: PreparedGoal | Verdict) -> Verdict:
+        """Plan to a prepared goal from now on; a refused one leaves the goal before."""
         if self._again and isinstance(prepared, Verdict):
-            self._has_goal = False
+            self._goal.is_set = False
             self.planner.clear_goal()
         self._astray_at = None
         verdict = self.planner.take_goal(prepared)
@@ -267,25 +322,36 @@ class JointCycle(StreamCycle[np.ndarray, PreparedGoal]):
             self._tracking.take_goal()
         return verdict
 
-    def _clear_goal(self) -> None:
-        self.planner.clear_goal()
-
-    def _set_obstacles(self, inputs: CycleInputs[np.ndarray]) -> Verdict:
+    def _take_obstacles(self, inputs: CycleInputs) -> Verdict:
+        if inputs.obstacles.version == self._obstacles_version:
+            return Verdict(VerdictCode.OK)
         # Trajectories are stamped with another clock than they are heard by.
         longest = self.planner.settings.prediction
-        return self.planner.take_obstacles(inputs.obstacles.moved_on(inputs.heard, longest, inputs.now))
+        verdict = self.planner.take_obstacles(inputs.obstacles.moved_on(inputs.heard, longest, inputs.now))
+        if verdict.ok:
+            self._obstacles_version = inputs.obstacles.version
+        return verdict
 
     def _take_task_frame(self, frame: Pose | None) -> None:
         if frame is None or frame is self._task_frame:
             return
         self._task_frame = frame
         self._frame_verdict = self.planner.move_task_frame(*frame)
-        if self._has_goal and self._frame_verdict.ok and not self._goals.busy:
+        if self._goal.is_set and self._frame_verdict.ok and self._goal.is_prepared:
             self._again = True
-            self._goals.ask(self.planner.prepared_again)
+            self._goal.prepare(self.planner.prepared_again)
 
-    def _knows_where(self) -> bool:
-        return self._stood
+    def _take_state(self, inputs: CycleInputs) -> Verdict | None:
+        """Go by where the arm was measured; why that is not possible, None where it is."""
+        stale = stale_state(inputs, self.state_topic, self.state_timeout, self.resume_timeout)
+        if stale is None:
+            return self._follow_measured(inputs)
+        self._arm.missing = self._arm.missing or bool(stale.dropping)
+        return self._goal.heed(stale)
+
+    def _begin_at(self, measured: np.ndarray, now: float) -> None:
+        self._stand_at(measured, now)
+        self._arm.begin()
 
     def _stand_at(self, measured: np.ndarray, now: float) -> None:
         self._tracking.forget()
@@ -294,7 +360,7 @@ class JointCycle(StreamCycle[np.ndarray, PreparedGoal]):
 
     def _track(self, measured: np.ndarray, taken: float) -> None:
         commanded = self.planner.commanded(taken)
-        assert commanded is not None  # _knows_where came first
+        assert commanded is not None  # otherwise the arm would just have begun
         tracking = self._tracking.add(measured, commanded[0], taken)
         # Since then the arm may have stood.
         unseen = max(0.0, max((age for _, age in self._ages), default=0.0) - FRESH)
@@ -302,25 +368,28 @@ class JointCycle(StreamCycle[np.ndarray, PreparedGoal]):
 
     def _deviation(self, measured: np.ndarray, taken: float) -> tuple[str, str] | None:
         commanded = self.planner.commanded(taken)
-        assert commanded is not None  # _knows_where came first
+        assert commanded is not None  # otherwise the arm would just have begun
         robot = self.planner.robot
         if self._command_topic == "target_pose":
             return pose_deviation(robot.forward(measured), robot.forward(commanded[0]), *self.tool_tolerance)
         return joint_deviation(measured, commanded[0], robot.joint_names, self.tracking_tolerance)
 
-    def _follow_measured(self, inputs: CycleInputs[np.ndarray], advance: float) -> Verdict | None:
-        """Besides: an arm whose tool is where it was sent, but not its posture, stops; from where it rests it goes on.
+    def _follow_measured(self, inputs: CycleInputs) -> Verdict | None:
+        """Begin at the measured place, and again where an arm that was lost has come to rest; why nothing is planned,
+        None where it may be.
 
-        The certificate is of the posture that was sent.
+        An arm whose tool is where it was sent, but not its posture, stops; from where it rests it goes on: the
+        certificate is of the posture that was sent.
         """
         self._ages.append((inputs.heard, inputs.state_age))
         while self._ages[0][0] < inputs.heard - COUNTED:
             self._ages.popleft()
-        judged = super()._follow_measured(inputs, advance)
         measured = inputs.measured
-        if judged is not None or self._command_topic == "joint_trajectory" or measured is None:
+        assert measured is not None  # it is not stale
+        verdict = self._found(inputs, measured)
+        if verdict is not None or self._command_topic == "joint_trajectory":
             self._astray = None
-            return judged
+            return verdict
         if self._astray is None:
             commanded = self.planner.commanded(inputs.now - inputs.state_age)
             assert commanded is not None  # otherwise the arm would just have begun
@@ -331,13 +400,33 @@ class JointCycle(StreamCycle[np.ndarray, PreparedGoal]):
             tool = self.planner.robot.forward(measured)[0]
             stray = self._stray(tool, *deviation)
             self._astray, self._astray_at = Unsettled(stray.verdict, measured), tool
-            return self._carry_out(stray)
-        self._astray = self._settling(self._astray, measured, advance)
+            return self._goal.heed(stray)
+        self._astray = self._astray.measured_again(measured, self._time.step)
         if not self._astray.rests:
             return self._astray.verdict
         self._begin_at(measured, inputs.now)
         self._astray = None
         return None
+
+    def _found(self, inputs: CycleInputs, measured: np.ndarray) -> Verdict | None:
+        """Why the arm is not to be commanded where it was found; None where it may be."""
+        if not self._stood:
+            self._begin_at(measured, inputs.now)
+            return None
+        if self._arm.lost is not None:
+            unrest = self._arm.unrest(measured, self._time.step)
+            if unrest is None:
+                self._begin_at(measured, inputs.now)
+            return unrest
+        taken, deviation = inputs.now - inputs.state_age, None
+        # What was commanded is not known of a time of another clock.
+        if not self._arm.jump:
+            self._track(measured, taken)
+            deviation = self._deviation(measured, taken)
+        lost = self._goal.heed(self._arm.lose(measured, deviation))
+        if lost is not None:
+            self._stand_at(measured, inputs.now)
+        return lost
 
     def _stray(self, tool: np.ndarray, where: str, limit: str) -> Halt:
         """Why an arm stops whose tool (3,) [m] is where it was sent, but not its posture.
@@ -351,16 +440,13 @@ class JointCycle(StreamCycle[np.ndarray, PreparedGoal]):
             return Halt(Verdict(VerdictCode.BAD_INPUT, reason), reason)
         return Halt(Verdict(VerdictCode.BAD_INPUT, f"{reason}: it stops, and plans again from where it rests"))
 
-    def _moved(self, measured: np.ndarray, before: np.ndarray) -> bool:
-        return joints_moved(measured, before)
-
 
 def _labels(names: Sequence[str]) -> list[str]:
     """Those of the obstacles that have the names of objects."""
     return [f"{topic}/{name}" for topic in _NAMED for name in names]
 
 
-def _own(inputs: CycleInputs[np.ndarray], name: str) -> Obstacles:
+def _own(inputs: CycleInputs, name: str) -> Obstacles:
     """The obstacles that have the name of an object."""
     others = [label for label in inputs.obstacles.labels if label not in _labels([name])]
     own = inputs.obstacles.without(others).moved_on(inputs.heard, 0.0, inputs.now)

@@ -11,8 +11,10 @@ import numpy as np
 import pytest
 
 from geodesic_motion_ros.geometry.task_frame import TaskFrame
-from geodesic_motion_ros.nodes.joint_cycle import JointCycle
-from geodesic_motion_ros.nodes.stream_cycle import NO_CLOCK, REST_TIME, CycleInputs, CycleOutput
+from geodesic_motion_ros.nodes.arm_watch import REST_TIME
+from geodesic_motion_ros.nodes.cycle import CycleInputs, CycleOutput
+from geodesic_motion_ros.nodes.input_faults import NO_CLOCK
+from geodesic_motion_ros.nodes.planner_cycle import PlannerCycle
 from geodesic_motion_ros.obstacles.tracker import ObstacleTracker
 from geodesic_motion_ros.planning.planner import ReactivePlanner
 from geodesic_motion_ros.planning.solver import Solver
@@ -59,11 +61,11 @@ def planner(reach_skill: Skill) -> ReactivePlanner:
 
 
 @pytest.fixture
-def cycle(planner: ReactivePlanner) -> JointCycle:
+def cycle(planner: ReactivePlanner) -> PlannerCycle:
     planner.clear_goal()
     planner.set_obstacles(np.zeros((0, 3)), np.zeros(0))
     planner.hold(())
-    return JointCycle(planner, 0.1, 1.0, tracking_tolerance=0.1, horizon=HORIZON, clock=lambda: 0.0)
+    return PlannerCycle(planner, 0.1, 1.0, tracking_tolerance=0.1, horizon=HORIZON, clock=lambda: 0.0)
 
 
 @pytest.fixture
@@ -81,7 +83,7 @@ def test_goals_may_be_prepared_while_cycles_go_on(planner, arm, inputs) -> None:
     """A goal that is still being prepared is no goal yet; a refused one leaves the old one alone."""
     release = threading.Event()
     with ThreadPoolExecutor(1) as background:
-        cycle = JointCycle(planner, 0.1, 1.0, 0.1, HORIZON, clock=lambda: 0.0, background=background)
+        cycle = PlannerCycle(planner, 0.1, 1.0, 0.1, HORIZON, clock=lambda: 0.0, background=background)
         planner.clear_goal()
         background.submit(release.wait)
         waiting = follow(cycle, arm, inputs, 0.05)
@@ -101,7 +103,7 @@ def test_goals_may_be_prepared_while_cycles_go_on(planner, arm, inputs) -> None:
         assert all(output.verdict.ok for output in kept)
 
 
-def follow(cycle: JointCycle, arm: Arm, inputs: CycleInputs, seconds: float) -> list[CycleOutput]:
+def follow(cycle: PlannerCycle, arm: Arm, inputs: CycleInputs, seconds: float) -> list[CycleOutput]:
     """Run cycles with an arm that plays what is sent; it must be continuous in position, velocity, acceleration."""
     outputs = []
     for _ in range(round(seconds / PERIOD)):
@@ -120,7 +122,7 @@ def arrived(output: CycleOutput) -> bool:
     return output.verdict.ok and output.time_to_goal == 0.0 and output.speed == 0.0
 
 
-def arrive(cycle: JointCycle, arm: Arm, inputs: CycleInputs) -> list[CycleOutput]:
+def arrive(cycle: PlannerCycle, arm: Arm, inputs: CycleInputs) -> list[CycleOutput]:
     """Run cycles until the arm rests at the end of its path, for 15 s at most."""
     outputs = follow(cycle, arm, inputs, PERIOD)
     while not arrived(outputs[-1]) and len(outputs) * PERIOD < 15.0:
@@ -176,7 +178,7 @@ def test_what_would_take_over_in_the_past_is_not_sent_and_the_next_cycle_finds_i
         time[0] += 0.03 * (len(time) > 1)
         return time[0]
 
-    cycle = JointCycle(planner, 0.1, 1.0, 0.1, HORIZON, clock=slow)
+    cycle = PlannerCycle(planner, 0.1, 1.0, 0.1, HORIZON, clock=slow)
     follow(cycle, arm, inputs, 1.0)
     holding = dataclasses.replace(inputs, hold=True)
     time.append(0.0)
@@ -198,7 +200,7 @@ def test_a_search_that_took_too_long_is_followed_by_a_stop_from_the_present_on(p
         time[0] += stall
         return plan
 
-    cycle = JointCycle(planner, 0.1, 1.0, 0.1, HORIZON, clock=lambda: time[0])
+    cycle = PlannerCycle(planner, 0.1, 1.0, 0.1, HORIZON, clock=lambda: time[0])
     follow(cycle, arm, inputs, 1.0)
     monkeypatch.setattr(Solver, "solve", stalled)
     # A new goal: the path being followed leads elsewhere, and another one is looked for.
@@ -227,7 +229,7 @@ def test_a_path_on_which_no_stop_was_found_in_time_is_not_sent_again(planner, ar
         time[0] += passing[0]
         return time[0]
 
-    cycle = JointCycle(planner, 0.1, 1.0, 0.1, HORIZON, clock=slow)
+    cycle = PlannerCycle(planner, 0.1, 1.0, 0.1, HORIZON, clock=slow)
     follow(cycle, arm, inputs, 1.5)
     sent, tracker = arm.played, ObstacleTracker()
     ahead = planner.playing(arm.now)[0].positions[-1]
@@ -244,7 +246,7 @@ def test_a_path_on_which_no_stop_was_found_in_time_is_not_sent_again(planner, ar
 
 def test_a_horizon_shorter_than_the_prediction_is_refused(planner):
     with pytest.raises(ParameterError, match=r"horizon = 0\.5: must not be less than prediction, 2\.4 s"):
-        JointCycle(planner, 0.1, 1.0, tracking_tolerance=0.1, horizon=0.5)
+        PlannerCycle(planner, 0.1, 1.0, tracking_tolerance=0.1, horizon=0.5)
 
 
 def test_a_goal_pose_is_reached_in_one_of_the_demonstrated_families(cycle, arm, inputs, reach_skill):
@@ -299,7 +301,7 @@ def test_a_driver_that_wraps_a_joint_in_motion_is_followed_and_sent_the_turn_tha
     endless_reach_skill, inputs, arm, turns
 ):
     planner = ReactivePlanner(endless_reach_skill)
-    cycle = JointCycle(planner, 0.1, 1.0, tracking_tolerance=0.1, horizon=HORIZON, clock=lambda: 0.0)
+    cycle = PlannerCycle(planner, 0.1, 1.0, tracking_tolerance=0.1, horizon=HORIZON, clock=lambda: 0.0)
     start, goal = arm.position[6], inputs.goal[6]
     assert abs(goal - start) > 0.05
     beyond = 0.5 * (start + goal)
@@ -407,7 +409,7 @@ class Cartesian:
 def test_an_arm_that_holds_the_tool_in_another_posture_stops_and_plans_again_from_there(planner, arm, inputs, stiff):
     """Where it follows the posture it never stops: the control."""
     planner.clear_goal()
-    cycle = JointCycle(planner, 0.1, 1.0, 0.1, HORIZON, "target_pose", clock=lambda: 0.0, tool_tolerance=(0.01, 0.05))
+    cycle = PlannerCycle(planner, 0.1, 1.0, 0.1, HORIZON, "target_pose", clock=lambda: 0.0, tool_tolerance=(0.01, 0.05))
     follower, now, codes, output = Cartesian(planner.robot, arm.position, stiff), 100.0, [], None
     while output is None or not (arrived(output) or "does not follow the posture" in output.goal_verdict.reason):
         assert now < 130.0
@@ -424,7 +426,7 @@ def test_an_arm_that_holds_the_tool_in_another_posture_stops_and_plans_again_fro
 
 def test_an_arm_that_never_holds_its_posture_loses_the_goal_after_two_stops(planner, arm, inputs):
     planner.clear_goal()
-    cycle = JointCycle(planner, 0.1, 1.0, 0.1, HORIZON, "target_pose", clock=lambda: 0.0, tool_tolerance=(5.0, 3.2))
+    cycle = PlannerCycle(planner, 0.1, 1.0, 0.1, HORIZON, "target_pose", clock=lambda: 0.0, tool_tolerance=(5.0, 3.2))
     now, stops, before = 100.0, 0, VerdictCode.OK
     output = None
     while output is None or "does not follow the posture" not in output.goal_verdict.reason:
@@ -531,7 +533,7 @@ class TestHeldObjects:
     #: Between the fingers.
     BALL = HeldObject("toy/1", "sphere", (0.03,))
 
-    def seen(self, cycle: JointCycle, configuration: np.ndarray, name: str = "toy") -> ObstacleTracker:
+    def seen(self, cycle: PlannerCycle, configuration: np.ndarray, name: str = "toy") -> ObstacleTracker:
         """A tracker of a sphere where the ball is, with the arm in a configuration (7,)."""
         position, quaternion = cycle.planner.robot.forward(configuration)
         tracker = ObstacleTracker()
@@ -572,7 +574,7 @@ class TestHeldObjects:
     def test_it_is_prepared_before_a_goal_that_comes_with_it(self, planner, arm, inputs):
         release = threading.Event()
         with ThreadPoolExecutor(1) as background:
-            cycle = JointCycle(planner, 0.1, 1.0, 0.1, HORIZON, clock=lambda: 0.0, background=background)
+            cycle = PlannerCycle(planner, 0.1, 1.0, 0.1, HORIZON, clock=lambda: 0.0, background=background)
             planner.clear_goal()
             planner.hold(())
             background.submit(release.wait)

@@ -1,0 +1,84 @@
+"""Whether the arm is where it was sent, and whether it rests where it was found instead. Knows nothing of ROS."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from geodesic_motion_ros.nodes.deviation import joints_moved
+from geodesic_motion_ros.nodes.input_faults import Halt
+from geodesic_motion_ros.planning.status import Verdict, VerdictCode
+
+#: An arm that was lost rests when it has stayed this long [s] near one place.
+REST_TIME = 0.5
+
+
+@dataclass(frozen=True)
+class Unsettled:
+    """An arm that is to rest before it is commanded again: why, and for how long [s] it has rested near which
+    configuration (eta,) [rad].
+    """
+
+    verdict: Verdict
+    near: np.ndarray
+    rested: float = 0.0
+
+    @property
+    def rests(self) -> bool:
+        """Whether it has rested for long enough."""
+        return self.rested >= REST_TIME
+
+    def measured_again(self, measured: np.ndarray, passed: float) -> Unsettled:
+        """What is known of it when it is measured again after a time [s]."""
+        if joints_moved(measured, self.near):
+            return replace(self, near=measured, rested=0.0)
+        return replace(self, rested=self.rested + passed)
+
+
+class ArmWatch:
+    """Finds an arm lost that is not where it was sent, until it has rested for a moment wherever it is.
+
+    Attributes
+    ----------
+    lost : the lost arm; None while it is not.
+    missing : whether joint states have been missing for so long that the goal was dropped.
+    jump : of the clock [s], since the arm last was where it was sent: what was commanded before is of another time.
+    """
+
+    def __init__(self) -> None:
+        self.lost: Unsettled | None = None
+        self.missing = False
+        self.jump = 0.0
+
+    def begin(self) -> None:
+        """It stands where it is commanded to stand from now on."""
+        self.lost, self.missing, self.jump = None, False, 0.0
+
+    def unrest(self, measured: np.ndarray, passed: float) -> Verdict | None:
+        """Why a lost arm that is measured again after a time [s] is not commanded; None once it has rested."""
+        assert self.lost is not None
+        self.lost = self.lost.measured_again(measured, passed)
+        return None if self.lost.rests else self.lost.verdict
+
+    def lose(self, measured: np.ndarray, deviation: tuple[str, str] | None) -> Halt | None:
+        """Why what is commanded is no longer to be trusted: the arm is lost then. None while it follows.
+
+        deviation : how far it is from where it was sent, and what is allowed; None where it follows, or that is not
+        known. It drops the goal.
+        """
+        dropping = ""
+        if self.jump:
+            cause = f"the clock was set by {self.jump:+.1f} s"
+        elif deviation is not None:
+            where, limit = deviation
+            dropping = f"the arm was {where} from where it was sent"
+            cause = f"joint_states: the arm is {where} from where it was sent (allowed by tracking_tolerance: {limit})"
+        elif self.missing:
+            cause = "joint_states: the arm is back after a long silence"
+        else:
+            return None
+        reason = f"{cause}: nothing is commanded until the arm has rested for {REST_TIME:g} s"
+        halt = Halt(Verdict(VerdictCode.BAD_INPUT, reason), dropping)
+        self.lost = Unsettled(halt.verdict, measured)
+        return halt

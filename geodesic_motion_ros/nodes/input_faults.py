@@ -1,0 +1,91 @@
+"""Why the inputs of a cycle do not permit a motion, whatever plans it. Knows nothing of ROS."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from geodesic_motion_ros.nodes.cycle import CycleInputs
+from geodesic_motion_ros.planning.status import Verdict, VerdictCode
+
+#: What is reported where a simulated clock is to be followed and there is none.
+NO_CLOCK = "use_sim_time is set, and nothing has been received on /clock"
+
+
+@dataclass(frozen=True)
+class Halt:
+    """Why nothing is planned in a cycle, and why the goal is dropped besides; "" where it stays."""
+
+    verdict: Verdict
+    dropping: str = ""
+
+
+def stale_state(
+    inputs: CycleInputs, state_topic: str, state_timeout: float, resume_timeout: float
+) -> Halt | None:
+    """Why it is not known where the arm is; None where it is.
+
+    state_topic : as messages name it. A joint state older than `state_timeout` [s] stops the arm;
+    after `resume_timeout` [s] the goal is dropped.
+    """
+    if not inputs.has_clock:
+        return Halt(Verdict(VerdictCode.STALE_STATE, NO_CLOCK))
+    fault = inputs.state_fault
+    if inputs.measured is None:
+        return Halt(Verdict(VerdictCode.STALE_STATE, f"{state_topic}: {fault or 'none has arrived yet'}"))
+    if inputs.state_age <= state_timeout:
+        return None
+    missing = f"joint_states were missing for more than {resume_timeout:g} s"
+    reason = f"{state_topic}: the newest state is older than state_timeout, {state_timeout:g} s"
+    verdict = Verdict(VerdictCode.STALE_STATE, f"{reason}; {fault}" if fault else reason)
+    return Halt(verdict, missing if inputs.state_age > resume_timeout else "")
+
+
+def rivals(inputs: CycleInputs, command_topic: str) -> Halt | None:
+    """More than one node that commands the arm: which of them it followed would be chance, and drops the goal."""
+    if len(inputs.publishers) <= 1:
+        return None
+    names = " and ".join(inputs.publishers)
+    verdict = Verdict(VerdictCode.CONFLICT, f"{command_topic} is published by {names}: only one may command the arm")
+    return Halt(verdict, f"{command_topic} had more than one publisher, {names}")
+
+
+def readiness(inputs: CycleInputs, command_topic: str, uncounted: str, without_goal: Verdict | None) -> Verdict:
+    """OK when a plan may be requested of an arm that is known and nobody else's; the reason otherwise, the gravest
+    first.
+
+    uncounted : which objects in the hand do not count yet; "" where all do. without_goal : why there is no goal; None
+    where there is one.
+    """
+    if inputs.hold:
+        return Verdict(VerdictCode.HOLD_REQUESTED, "a hold was requested; release it with ~/hold false")
+    if inputs.other_arm:
+        return Verdict(VerdictCode.BAD_INPUT, inputs.other_arm)
+    if inputs.held_refused:
+        reason = f"it is not known what the hand holds: {inputs.held_refused}; send what it holds on ~/held_objects"
+        return Verdict(VerdictCode.BAD_INPUT, reason)
+    if uncounted:
+        return Verdict(VerdictCode.BAD_INPUT, uncounted)
+    stale = _stale_obstacles(inputs)
+    if stale:
+        return Verdict(VerdictCode.STALE_OBSTACLES, stale)
+    if without_goal is not None:
+        return without_goal
+    if inputs.subscribers == ():
+        reason = f"no node receives {command_topic}: start the controller of the arm, or remap the topic"
+        return Verdict(VerdictCode.BAD_INPUT, reason)
+    return Verdict(VerdictCode.OK)
+
+
+def _stale_obstacles(inputs: CycleInputs) -> str:
+    """Which obstacle topics are not to be trusted, why, and what would be right; '' when all are."""
+    causes = [f"{source}: {why}" for source, why in inputs.unusable_sources.items()]
+    if inputs.silent_sources:
+        silent = ", ".join(inputs.silent_sources)
+        causes.append(
+            f"silent: {silent}; publish it again and again, or latched by a node that stays, or declare it in the "
+            "scene; call ~/clear_obstacles where nothing is there any more"
+        )
+    if inputs.late_sources:
+        late = ", ".join(inputs.late_sources)
+        causes.append(f"stamps lag: {late}; synchronise the clocks, or detect faster")
+    return "; ".join(causes)

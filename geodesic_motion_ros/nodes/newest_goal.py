@@ -1,0 +1,98 @@
+"""The newest goal that was requested of a planner, and what becomes of it. Knows nothing of ROS."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from concurrent.futures import Executor
+from typing import Generic
+
+from geodesic_motion_ros.nodes.cycle import CycleInputs
+from geodesic_motion_ros.nodes.input_faults import Halt
+from geodesic_motion_ros.nodes.preparation import Preparation, Prepared
+from geodesic_motion_ros.planning.status import Verdict, VerdictCode
+
+#: What is reported of a goal while it is being prepared.
+PREPARING = "the newest goal is being prepared"
+
+
+class NewestGoal(Generic[Prepared]):
+    """Has goals prepared beside the cycles, and hands them to a planner.
+
+    Attributes
+    ----------
+    number : of the newest goal that was received, counted from 1; 0 before the first.
+    verdict : of that goal. When it is a refusal, the motion still serves the goal before.
+    is_set : whether the planner has a goal.
+
+    Parameters
+    ----------
+    take : has a prepared goal planned to, or says why it is refused. clear : has the planner forget its goal.
+    background : prepares goals while cycles go on; None: a cycle does it, and takes longer.
+    """
+
+    def __init__(
+        self,
+        take: Callable[[Prepared | Verdict], Verdict],
+        clear: Callable[[], None],
+        background: Executor | None,
+    ) -> None:
+        self._take, self._clear = take, clear
+        self._preparation: Preparation[Prepared | Verdict] = Preparation(background)
+        self.number = 0
+        self.verdict = Verdict(VerdictCode.NO_GOAL, "no goal has been given")
+        self.is_set = False
+        self._is_refused = False  # whether the message of the newest one was
+
+    @property
+    def is_prepared(self) -> bool:
+        """Whether no goal is being prepared."""
+        return not self._preparation.busy
+
+    def hear(self, inputs: CycleInputs, preparing: Callable[[], Callable[[], Prepared | Verdict]]) -> None:
+        """Have the goal of the inputs prepared where it is new.
+
+        preparing : makes what prepares it, or finds why it is refused; any thread may run that.
+        """
+        if inputs.goal is None or inputs.goal_number == self.number:
+            return
+        self.number, self._is_refused = inputs.goal_number, False
+        if isinstance(inputs.goal, Verdict):
+            self.verdict, self._is_refused = inputs.goal, True
+        else:
+            self.prepare(preparing())
+            self.verdict = Verdict(VerdictCode.NO_GOAL, PREPARING)
+
+    def prepare(self, prepare: Callable[[], Prepared | Verdict]) -> None:
+        """Have a goal prepared in the place of any other that is."""
+        self._preparation.ask(prepare)
+
+    def take_prepared(self) -> None:
+        """Hand the goal that has been prepared to the planner, if any. Raises what its preparation raised."""
+        try:
+            prepared = self._preparation.take_settled()
+        except Exception:
+            self.verdict = Verdict(VerdictCode.BAD_INPUT, "internal error while it was prepared, see the log")
+            raise
+        if prepared is None:
+            return
+        verdict = self._take(prepared)
+        self.is_set = self.is_set or verdict.ok
+        # What is reported is of the newest goal: of one before it nothing.
+        if self.is_prepared and not self._is_refused:
+            self.verdict = verdict
+
+    def heed(self, halt: Halt | None) -> Verdict | None:
+        """The verdict of a halt, if any; no goal any more where it drops that."""
+        if halt is None:
+            return None
+        if halt.dropping:
+            self.drop(halt.dropping)
+        return halt.verdict
+
+    def drop(self, why: str) -> None:
+        """Forget the goal: where something unexpected has happened, an arm must not set out again by itself."""
+        if self.is_set or not self.is_prepared:
+            self.is_set = False
+            self.verdict = Verdict(VerdictCode.NO_GOAL, f"goal dropped: {why}; send the goal again")
+            self._preparation.forget()
+            self._clear()

@@ -1,0 +1,322 @@
+"""What a node that plans hears, shows and answers, whatever plans in it.
+
+The control loop has a thread of its own on the steady clock. Callbacks only check and store (`planner_inputs`),
+pictures are drawn by threads of their own, and another one answers the service `plan`.
+"""
+
+from __future__ import annotations
+
+import time
+import traceback
+from collections.abc import Callable, Mapping
+
+import numpy as np
+from nav_msgs.srv import GetPlan
+from std_srvs.srv import SetBool, Trigger
+
+from geodesic_motion_ros.nodes.arrival import ArrivalWatch
+from geodesic_motion_ros.nodes.background_service import BackgroundService
+from geodesic_motion_ros.nodes.cycle import CycleInputs, CycleOutput, Pose
+from geodesic_motion_ros.nodes.messages import FrameLookup, MessageRefused, path_message, read_pose
+from geodesic_motion_ros.nodes.parameters import NodeParameters
+from geodesic_motion_ros.nodes.planner_inputs import PlannerInputs
+from geodesic_motion_ros.nodes.planner_outputs import PlannerOutputs
+from geodesic_motion_ros.nodes.running import STEADY, LoopingNode
+from geodesic_motion_ros.nodes.steady_loop import SteadyLoop
+from geodesic_motion_ros.nodes.view_thread import ViewThread
+from geodesic_motion_ros.planning.status import Verdict, VerdictCode
+from geodesic_motion_ros.robot.held_objects import HeldObject
+from geodesic_motion_ros.robot.kinematics import Robot
+from geodesic_motion_ros.skill.skill import Skill
+from geodesic_motion_ros.visualization.latent_view import LatentPicture
+
+
+class PlannerFace:
+    """Inputs, outputs, loop, pictures and services of a node whose cycles command an arm.
+
+    Attributes
+    ----------
+    inputs, outputs : what the node hears and says.
+    loop : calls the tick as often as the parameter `rate` says.
+    view : draws the latent space; None where it is not drawn.
+    """
+
+    def __init__(
+        self,
+        node: LoopingNode,
+        options: NodeParameters,
+        skill: Skill,
+        robot: Robot,
+        command_topic: str,
+        guarded: str,
+        tick: Callable[[int], None],
+        died: Callable[[BaseException], None],
+        tool_poses: Callable[[object], Pose],
+        plan: Callable[[Pose, Pose], tuple[Pose | None, Verdict]],
+        obstacles_changed: Callable[[], None] = lambda: None,
+    ) -> None:
+        """command_topic, guarded : as of `PlannerOutputs`.
+
+        tick : one cycle of the loop, so many periods after the one before. died : what is to be done when an
+        exception has ended the loop.
+        tool_poses : of a reference: positions (n, 3) [m] and quaternions (n, 4).
+        plan : tool poses of a path between two poses under the present obstacles, and the verdict.
+        obstacles_changed : called when something new is known of obstacles, from the thread that heard it.
+        """
+        self._node, self._options, self._tool_poses, self._plan = node, options, tool_poses, plan
+        robot = robot.prefixed(options["joint_prefix"])
+        self.inputs = PlannerInputs(node, options, robot, skill.robot, obstacles_changed)
+        self.outputs = PlannerOutputs(
+            node, options["base_frame"], skill.robot, command_topic, guarded, robot.joint_names, self.inputs.time
+        )
+        self._log = node.get_logger()
+        self._said: dict[str, float] = {}
+        self._remarked: set[str] = set()
+        self._newest_plan = ""
+        self._held: tuple[HeldObject, ...] = ()
+        self._arrival = ArrivalWatch(robot.forward, tool_poses)
+        self._newest: tuple[CycleInputs, CycleOutput] | None = None
+        self._period = 1.0 / options["rate"]
+        self.loop = SteadyLoop(tick, options["rate"], died, name="planner")
+        self._pictures: list[ViewThread] = []
+        self.view: LatentPicture | None = None
+        self._every(1.0, self._show_health, "/diagnostics")
+        self._every(1.0, self._look_at_commands, "the search for other commanders")
+        self._every(1.0, self.inputs.look_at_publishers, "the look at who publishes obstacles")
+        # A plan takes longer than a joint state may be old.
+        self._answering = (
+            BackgroundService(node, GetPlan, "plan", self._on_plan),
+            BackgroundService(node, SetBool, "~/hold", self._on_hold, at_once=True),
+            BackgroundService(node, Trigger, "~/clear_obstacles", self._on_clear_obstacles, at_once=True),
+        )
+        goal = "goal_pose" if robot.takes_poses else "goal_joints"
+        self._awaited = tuple(node.resolve_topic_name(name) for name in ("joint_states", goal))
+        self._name = skill.name
+
+    def introduction(self, subject: str) -> str:
+        """What the node is ready for, what it publishes and what it waits for. subject : what moves, for a person."""
+        states, goals = self._awaited
+        return (
+            f"ready: skill '{self._name}' of {subject}, commands on {self.outputs.command_topic}; "
+            f"waits for {states}, then for a goal on {goals}"
+        )
+
+    def start(self) -> None:
+        """Begin to plan and command."""
+        self.inputs.start()
+        self.loop.start()
+        for picture in self._pictures:
+            picture.start()
+
+    def stop(self) -> None:
+        """End the threads; harmless when they have ended or never began."""
+        self.loop.stop()
+        self.inputs.stop()
+        for picture in self._pictures:
+            picture.stop()
+        for service in self._answering:
+            service.stop()
+
+    # ------------------------------------------------------------ control loop
+
+    def cycle(
+        self, run: Callable[[CycleInputs, float], CycleOutput], stop: Callable[[Verdict], CycleOutput]
+    ) -> tuple[CycleInputs | None, CycleOutput]:
+        """Run a cycle on what is known now; returns both, None where nothing was ever known.
+
+        run : the cycle, of a period [s]: what is commanded moves on by one, however many were missed: late is better
+        than a jump. stop : ends one that failed.
+        """
+        inputs = None if self._newest is None else self._newest[0]
+        self.outputs.begin_cycle()
+        try:
+            inputs = self.inputs.snapshot()
+            self.outputs.begin_cycle(inputs.now)
+            return inputs, run(inputs, self._period)
+        except Exception as error:  # a fault in the planner must stop the arm, not the node
+            self._log.error("".join(traceback.format_exception(error)), throttle_duration_sec=1.0)
+            return inputs, stop(Verdict(VerdictCode.BAD_INPUT, f"internal error, see the log: {error!r}"))
+
+    def tell(
+        self,
+        inputs: CycleInputs | None,
+        output: CycleOutput,
+        goal_number: int,
+        margins: Mapping[str, float],
+        held: tuple[HeldObject, ...],
+    ) -> None:
+        """Publish what became of a cycle, and log what is new in it.
+
+        goal_number : of the newest goal. margins : what the certificate counts, by name. held : the objects in the hand
+        that are counted.
+        """
+        figures = {**margins, **({} if inputs is None else inputs.figures)}
+        self.outputs.status(
+            output, goal_number, self.inputs.refusals, self.loop, self._newest_plan, figures, held
+        )
+        if held != self._held:
+            self._held = held
+            self._log.info(f"holding {', '.join(map(_held_text, held)) or 'nothing'}")
+        if inputs is None:
+            return
+        previous, self._newest = self._newest, (inputs, output)
+        if previous is None or previous[1].verdict.code is not output.verdict.code:
+            self._say(output.verdict)
+        if previous is not None and previous[1].goal_verdict is not output.goal_verdict:
+            self._say_goal(output)
+        if arrived := self._arrival.observe(inputs, output):
+            self._log.info(arrived)
+        if previous is None or _path_news(previous, (inputs, output)):
+            self._publish_path(output)
+
+    def _publish_path(self, output: CycleOutput) -> None:
+        if self.outputs.path_is_watched:
+            self.outputs.path(None if output.reference is None else self._tool_poses(output.reference))
+
+    def _say_goal(self, output: CycleOutput) -> None:
+        if output.goal_refused:
+            self._say(output.goal_verdict, "newest goal refused: ")
+        elif output.goal_verdict.ok:
+            self._say(output.goal_verdict, "newest goal accepted: ")
+
+    def _say(self, verdict: Verdict, about: str = "") -> None:
+        # The status has every change; the log has each kind of change at most once a second.
+        now, kind = time.monotonic(), about + verdict.code.name
+        if now - self._said.get(kind, -np.inf) < 1.0:
+            return
+        self._said[kind] = now
+        if verdict.ok:
+            self._log.info(about + verdict.sentence)
+        else:
+            self._log.warning(about + verdict.sentence)
+
+    # ---------------------------------------------------------------- pictures
+
+    def draw_path(self, draw_markers: Callable[[CycleInputs, CycleOutput, np.ndarray], None]) -> None:
+        """Publish the path again and again while somebody looks, and have the markers drawn, of tool positions (n, 3)
+        [m].
+        """
+
+        def is_watched() -> bool:
+            return self.outputs.path_is_watched or self.outputs.markers_are_watched
+
+        def draw(inputs: CycleInputs, output: CycleOutput) -> None:
+            if output.reference is not None:
+                self._publish_path(output)
+            if self.outputs.markers_are_watched:
+                path = np.zeros((0, 3)) if output.reference is None else self._tool_poses(output.reference)[0]
+                draw_markers(inputs, output, path)
+
+        self._draw("path and ~/markers", draw, is_watched, self._options["path_rate"])
+
+    def draw_latent(self, make: Callable[[int], LatentPicture | None]) -> None:
+        """Publish a picture of the latent space while somebody looks, where there is one.
+
+        make : makes what draws it, so many pixels wide; None where it cannot be drawn.
+        """
+        rate = self._options["latent_view_rate"]
+        view = self.view = None if rate == 0.0 else make(self._options["latent_view_size"])
+        if view is None:
+            return
+
+        def draw(inputs: CycleInputs, output: CycleOutput) -> None:
+            path = None if output.reference is None else output.reference.latent
+            obstacles = inputs.obstacles.moved_on(inputs.heard, 0.0, inputs.now)
+            verdict = output.verdict
+            self.outputs.view(view.render(obstacles, path, verdict.code.name, verdict.displacement > 0.0))
+
+        self._draw("~/latent_view", draw, lambda: self.outputs.view_is_watched, rate)
+
+    def _draw(
+        self, name: str, draw: Callable[[CycleInputs, CycleOutput], None], watched: Callable[[], bool], rate: float
+    ) -> None:
+        """Have a thread draw a picture of the newest cycle while somebody looks.
+
+        It takes milliseconds of the interpreter, an image tens of them: callbacks, which hear the time of a simulation,
+        must not wait for that, and nothing is drawn for nobody.
+        """
+
+        def guarded() -> None:
+            if self._newest is not None:
+                with self.inputs.refusals.guard(name):
+                    draw(*self._newest)
+
+        def died(error: BaseException) -> None:
+            self._log.error(f"no more {name}: " + "".join(traceback.format_exception(error)))
+
+        self._pictures.append(ViewThread(guarded, watched, 1.0 / rate, died, name))
+
+    def _every(self, period: float, work: Callable[[], None], name: str) -> None:
+        """Do something every so many seconds; an error in it must not end the node."""
+
+        def guarded() -> None:
+            with self.inputs.refusals.guard(name):
+                work()
+
+        self._node.create_timer(period, guarded, clock=STEADY)
+
+    def _show_health(self) -> None:
+        refusals, remarks = self.inputs.refusals, self.inputs.remarks()
+        for kind in remarks.keys() - self._remarked:
+            self._log.warning(remarks[kind])
+        self._remarked |= remarks.keys()
+        self.outputs.diagnostics(
+            self.loop.statistics(),
+            self._options["rate"],
+            self.inputs.ages(),
+            refusals.counts,
+            "; ".join(filter(None, (refusals.newest(1.0), *remarks.values()))),
+            self.inputs.cloud_figures(),
+            *self.inputs.take_obstacle_load(),
+        )
+
+    def _look_at_commands(self) -> None:
+        self.inputs.set_nodes_on_commands(*self.outputs.look_for_nodes_on_commands())
+
+    # ---------------------------------------------------------------- services
+
+    def _on_plan(self, request: GetPlan.Request, response: GetPlan.Response) -> GetPlan.Response:
+        frame, poses = self._options["base_frame"], None
+        try:
+            poses, verdict = self._plan(
+                *(_request_pose(request, end, frame, self.inputs.frames) for end in ("start", "goal"))
+            )
+        except MessageRefused as error:
+            verdict = Verdict(VerdictCode.BAD_INPUT, str(error))
+        self._newest_plan = verdict.sentence
+        if poses is None:
+            self._log.warning(f"no plan: {verdict.sentence}")
+        else:
+            response.plan = path_message(*poses, frame, self._node.get_clock().now().to_msg())
+        return response
+
+    def _on_hold(self, request: SetBool.Request, response: SetBool.Response) -> SetBool.Response:
+        def hold() -> str:
+            self.inputs.request_hold(request.data)
+            return "holding" if request.data else "released"
+
+        return self.inputs.refusals.answered("~/hold", response, hold)
+
+    def _on_clear_obstacles(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        def clear() -> str:
+            return f"{self.inputs.clear_obstacles()} obstacles forgotten"
+
+        return self.inputs.refusals.answered("~/clear_obstacles", response, clear)
+
+
+def _path_news(before: tuple[CycleInputs, CycleOutput], now: tuple[CycleInputs, CycleOutput]) -> bool:
+    """Whether the path is of another goal than before, or has appeared or vanished."""
+    had, has = before[1].reference is not None, now[1].reference is not None
+    return had != has or before[0].goal_number != now[0].goal_number
+
+
+def _held_text(held: HeldObject) -> str:
+    count, out = len(held.spheres[1]), 1000.0 * held.protrusion
+    return f"{held.name} ({held.shape}, covered by {count} spheres that stick out by up to {out:.0f} mm)"
+
+
+def _request_pose(request: GetPlan.Request, end: str, frame: str, lookup: FrameLookup) -> Pose:
+    try:
+        return read_pose(getattr(request, end), frame, lookup)
+    except MessageRefused as error:
+        raise MessageRefused(f"{end}: {error}") from error
