@@ -15,8 +15,6 @@ import numpy as np
 
 from geodesic_motion_ros.geometry.quaternions import continuous_signs
 from geodesic_motion_ros.geometry.task_frame import TaskFrame
-from geodesic_motion_ros.manifold.latent_graph import LatentGraph
-from geodesic_motion_ros.manifold.pose_graph import PoseGraph
 from geodesic_motion_ros.nodes.cycle import CycleInputs, CycleOutput, Pose
 from geodesic_motion_ros.nodes.parameter_tables import PLANNER
 from geodesic_motion_ros.nodes.parameters import NodeParameters, Value
@@ -157,13 +155,11 @@ class PlannerNode(LoopingNode):
 
 def latent_view(planner: ReactivePlanner, skill: Skill, size: int) -> LatentPicture | None:
     """What draws the latent space of a planner's skill; None where it cannot be drawn."""
-    graph: LatentGraph = planner.graph
-    if isinstance(graph, PoseGraph) and skill.decoder.latent_dimension == 2:
+    drawn = skill.space, skill.decoder.latent_dimension
+    if drawn == ("task", 2):
         settings = planner.settings
-        return LatentView(skill, graph, np.array(settings.tool_points), np.array(settings.tool_radii), size)
-    if not isinstance(graph, PoseGraph) and skill.decoder.latent_dimension == 3:
-        return ArmView(skill, graph, planner.collision, size)
-    return None
+        return LatentView(skill, planner.graph, np.array(settings.tool_points), np.array(settings.tool_radii), size)
+    return ArmView(skill, planner.graph, planner.collision, size) if drawn == ("joint", 3) else None
 
 
 def _caution(planner: ReactivePlanner, scene_is_recorded: bool) -> str:
