@@ -17,7 +17,7 @@ pytest := ROS_AUTOMATIC_DISCOVERY_RANGE=LOCALHOST ROS_PYTHON_CHECK_FIELDS=1 MPLB
 ready := .venv/.ready
 # numba compiles a kernel anew when its own file changes, not when that of a kernel it calls does.
 kernels := .venv/.kernels
-sources := $(shell grep -rl numba geodesic_motion_ros --include='*.py')
+sources := $(shell grep -rl numba geodesic_motion_ros studies/geodesic_motion_studies --include='*.py')
 
 # .venv is a world of its own: another virtual environment, a sourced ROS installation and what ROS's wheels put
 # into the environment of their interpreter must not reach into it.
@@ -41,10 +41,10 @@ demo: $(kernels) ## a Panda takes its elbow out of a moving obstacle's path: two
 
 # Three on two cores: many tests wait. A worker of the studies may take 6 GB.
 test: lint $(kernels) ## ruff and mypy, then the tests of the product, three at a time
-	@$(pytest) --numprocesses=3 --ignore=test/studies $(ARGS) < /dev/null
+	@$(pytest) --numprocesses=3 $(ARGS) < /dev/null
 
 test-all: test ## these, then the tests of the studies and the whole demos
-	@$(pytest) --numprocesses=auto --maxprocesses=2 test/studies $(ARGS) < /dev/null
+	@$(pytest) --numprocesses=auto --maxprocesses=2 studies/test $(ARGS) < /dev/null
 
 lint: $(ready) ## ruff, and mypy over what plans
 	@$(python) -m ruff check .
@@ -53,17 +53,17 @@ lint: $(ready) ## ruff, and mypy over what plans
 setup: $(kernels) ## .venv with the pinned requirements, kernels compiled, large latent graphs made; nothing more
 
 clean: ## removes out/ and what builds and tools leave behind
-	rm -rf out build install log .pytest_cache .ruff_cache .mypy_cache .hypothesis
+	rm -rf out build install log studies/build .pytest_cache .ruff_cache .mypy_cache .hypothesis
 	@find . -path ./.venv -prune -o -name __pycache__ -type d -prune -exec rm -rf {} +
 
 distclean: clean ## clean, and .venv too
-	rm -rf .venv *.egg-info
+	rm -rf .venv *.egg-info studies/*.egg-info
 
-$(ready): requirements.txt setup.py
+$(ready): requirements.txt setup.py studies/setup.py
 	@.ci/setup $(PYTHON) < /dev/null
 
 $(kernels): $(ready) $(sources)
-	@find geodesic_motion_ros -name '*.nb[ic]' -delete
+	@find geodesic_motion_ros studies/geodesic_motion_studies -name '*.nb[ic]' -delete
 	@$(python) -m geodesic_motion_ros.planning.kernels < /dev/null
 	@$(python) -m geodesic_motion_ros.skill.kept_graph < /dev/null
 	@touch $@

@@ -7,8 +7,6 @@ from setuptools import find_packages, setup
 NAME = "geodesic_motion_ros"
 #: The programs that `ros2 run` starts, and the folders where they begin.
 EXECUTABLES = {"planner": "nodes", "twin": "nodes", "record": "nodes", "paper_planner": "paper", "demo": "demo"}
-#: What `geodesic-motion timing` compares the search with.
-PEER_LIBRARIES = ["igraph", "networkit", "networkx"]
 SHARE = Path("share") / NAME
 
 
@@ -56,10 +54,6 @@ setup(
         "ros": ["ros-jazzy-rclpy[fastrtps]", "ros-jazzy-common-interfaces"],
         "learn": ["torch", "pytorch_kinematics"],
         "simulation": ["pybullet"],
-        "peers": ["movement_primitives", "pytransform3d"],
-        # Methods that `geodesic-motion benchmark` compares with; what is not installed is left out there.
-        "benchmark": ["movement_primitives", "pytransform3d", "ompl", "pin", "pin-pink", "daqp"],
-        "timing": PEER_LIBRARIES,
         "test": ["hypothesis", "mpmath", "mypy", "pytest", "pytest-xdist", "ruff"],
     },
     data_files=[

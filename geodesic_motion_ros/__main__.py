@@ -14,7 +14,7 @@ def main() -> int:
     is done.
     """
     before = signal.signal(signal.SIGINT, _end)
-    from geodesic_motion_ros.studies.cli import main as run
+    from geodesic_motion_ros.cli import main as run
 
     signal.signal(signal.SIGINT, before)
     try:

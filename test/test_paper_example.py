@@ -23,7 +23,7 @@ from geodesic_motion_ros.manifold.weighted_graph import WeightedGraph
 from geodesic_motion_ros.paper.dense_graph import dense_graph
 from geodesic_motion_ros.paper.literal_search import LiteralSearch
 from geodesic_motion_ros.skill.skill import Skill
-from geodesic_motion_ros.studies.tools.metric import AmbientFactor
+from geodesic_motion_studies.tools.metric import AmbientFactor
 
 FILE = Path(__file__).resolve().parents[1] / "examples" / "paper_in_200_lines.py"
 SHAPE = (30, 30)

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from geodesic_motion_ros.studies.experiments.registry import STUDIES
+from geodesic_motion_studies.experiments.registry import STUDIES
 
 PAGE = Path(__file__).resolve().parents[1] / "doc" / "paper_in_code.md"
 TEXT = PAGE.read_text()

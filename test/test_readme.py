@@ -11,7 +11,7 @@ from geodesic_motion_ros.planning.status import VerdictCode
 
 REPOSITORY = Path(__file__).resolve().parents[1]
 README, BEHAVIOUR = REPOSITORY / "README.md", REPOSITORY / "doc" / "behaviour.md"
-FOLDERS = ("config", "doc", "geodesic_motion_ros", "models")
+FOLDERS = ("config", "doc", "geodesic_motion_ros", "models", "studies")
 PAGES = [*REPOSITORY.glob("*.md"), *(page for name in FOLDERS for page in (REPOSITORY / name).rglob("*.md"))]
 #: What people read first, and the pages that it leads to.
 FRONT = [README, *sorted((REPOSITORY / "doc").glob("*.md"))]
@@ -63,7 +63,7 @@ def test_every_page_is_in_the_index():
 
 @pytest.mark.parametrize("command", COMMANDS)
 def test_the_commands_of_the_pages_exist(command, capsys):
-    from geodesic_motion_ros.studies.cli import main
+    from geodesic_motion_ros.cli import main
 
     with pytest.raises(SystemExit) as stopped:
         main([command, "--help"])

@@ -34,11 +34,11 @@ import pytest
 from geodesic_motion_ros.obstacles.obstacles import Obstacles
 from geodesic_motion_ros.planning.planner import ReactivePlanner
 from geodesic_motion_ros.skill.skill import Skill
-from geodesic_motion_ros.studies.comparison.arena import Arena
-from geodesic_motion_ros.studies.comparison.execution import LONGEST
-from geodesic_motion_ros.studies.comparison.method import TICK
-from geodesic_motion_ros.studies.comparison.scene import draw_scene
-from geodesic_motion_ros.studies.experiments.moving_spheres import MovingSphere
+from geodesic_motion_studies.comparison.arena import Arena
+from geodesic_motion_studies.comparison.execution import LONGEST
+from geodesic_motion_studies.comparison.method import TICK
+from geodesic_motion_studies.comparison.scene import draw_scene
+from geodesic_motion_studies.experiments.moving_spheres import MovingSphere
 
 FOLDER = Path(__file__).parent / "streams"
 #: Of each skill the families of its streams, and the numbers of their scenes in the comparison with SEED.

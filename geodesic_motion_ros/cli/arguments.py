@@ -21,10 +21,11 @@ if TYPE_CHECKING:
 
 #: Of recordings, by the space that is learned from them.
 RECORDING_OPTIONS = {"task": ("columns",), "joint": ()}
-#: The extra of the package that brings a library.
+#: The distribution and its extra that bring a library.
 _EXTRAS = {
-    "torch": "learn", "pytorch_kinematics": "learn", "pybullet": "simulation", "pybullet_data": "simulation",
-    "movement_primitives": "peers", "pytransform3d": "peers",
+    "torch": "geodesic_motion_ros[learn]", "pytorch_kinematics": "geodesic_motion_ros[learn]",
+    "pybullet": "geodesic_motion_ros[simulation]", "pybullet_data": "geodesic_motion_ros[simulation]",
+    "movement_primitives": "geodesic_motion_studies[peers]", "pytransform3d": "geodesic_motion_studies[peers]",
 }  # fmt: skip
 
 
@@ -39,8 +40,8 @@ def needing(what: str, remedy: str = "") -> Iterator[None]:
     except ModuleNotFoundError as error:
         extra = _EXTRAS.get((error.name or "").partition(".")[0])
         if extra is not None:
-            remedy = remedy or f"pip install 'geodesic_motion_ros[{extra}]'"
-        if not remedy or (error.name and error.name.startswith("geodesic_motion_ros")):
+            remedy = remedy or f"pip install '{extra}'"
+        if not remedy or (error.name and error.name.startswith("geodesic_motion_")):
             raise
         raise GeodesicMotionError(f"{what} {error.name}, which is not installed: {remedy}") from error
 

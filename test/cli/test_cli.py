@@ -14,12 +14,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from geodesic_motion_ros.cli import build_parser, main
 from geodesic_motion_ros.cli.arguments import needing, writable
 from geodesic_motion_ros.cli.inspect import describe
 from geodesic_motion_ros.planning.planner import ReactivePlanner
 from geodesic_motion_ros.planning.settings import PlannerSettings
 from geodesic_motion_ros.skill.skill import Skill
-from geodesic_motion_ros.studies.cli import build_parser, main
 from geodesic_motion_ros.utils.errors import ParameterError
 
 REPOSITORY = Path(__file__).resolve().parents[2]
@@ -105,8 +105,8 @@ sys.exit(main())
 @pytest.mark.parametrize(
     ("library", "arguments", "extra"),
     [
-        ("torch", ("train", "--demos", "{reach}", "--units", "cm", "--out", "{tmp}/skill"), "learn"),
-        ("pybullet", ("demonstrate", "reach-to-grasp", "--out", "{tmp}/reach.npz"), "simulation"),
+        ("torch", ("train", "--demos", "{reach}", "--units", "cm", "--out", "{tmp}/skill"), "ros[learn]"),
+        ("pybullet", ("demonstrate", "reach-to-grasp", "--out", "{tmp}/reach.npz"), "ros[simulation]"),
     ],
 )
 def test_a_library_that_is_not_installed_is_named_with_the_command_that_brings_it(
@@ -116,7 +116,7 @@ def test_a_library_that_is_not_installed_is_named_with_the_command_that_brings_i
     command = [sys.executable, "-c", WITHOUT, library, *given]
     done = subprocess.run(command, cwd=REPOSITORY, capture_output=True, text=True)
     said = f"geodesic-motion: '{given[0]}' needs {library}, which is not installed: "
-    assert done.stderr.splitlines()[-1] == f"{said}pip install 'geodesic_motion_ros[{extra}]'"
+    assert done.stderr.splitlines()[-1] == f"{said}pip install 'geodesic_motion_{extra}'"
     assert "Traceback" not in done.stderr
     assert done.returncode == 2
     assert list(tmp_path.glob("skill*")) == list(tmp_path.glob("reach.npz*")) == []
@@ -217,7 +217,7 @@ def test_a_file_for_figures_is_not_there_before_there_are_figures(tmp_path) -> N
 
 def test_help_loads_no_heavy_library() -> None:
     code = (
-        "import sys\nfrom geodesic_motion_ros.studies.cli import build_parser\nbuild_parser().format_help()\n"
+        "import sys\nfrom geodesic_motion_ros.cli import build_parser\nbuild_parser().format_help()\n"
         "print(*{name.split('.')[0] for name in sys.modules})"
     )
     done = subprocess.run([sys.executable, "-c", code], cwd=REPOSITORY, capture_output=True, text=True)

@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from geodesic_motion_ros.cli import main
 from geodesic_motion_ros.skill.skill import Skill
-from geodesic_motion_ros.studies.cli import main
 
 DOWN = (0.0, 1.0, 0.0, 0.0)
 

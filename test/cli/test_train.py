@@ -8,11 +8,10 @@ import numpy as np
 import pytest
 
 from geodesic_motion_ros import cli
-from geodesic_motion_ros.cli import train
+from geodesic_motion_ros.cli import main, train
 from geodesic_motion_ros.cli.report import planner_of
 from geodesic_motion_ros.planning.declared_scene import DeclaredScene
 from geodesic_motion_ros.skill.skill import Skill
-from geodesic_motion_ros.studies.cli import main
 
 BRIEFLY = ["--steps", "60", "--kernels", "60"]
 #: Exit statuses of a skill that was written: learned so briefly it need not have a motion.

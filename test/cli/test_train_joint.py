@@ -9,10 +9,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from geodesic_motion_ros.cli import main
 from geodesic_motion_ros.cli.recorded import evenly_sampled
 from geodesic_motion_ros.demonstrations.writers import save_joint_demonstrations
 from geodesic_motion_ros.skill.skill import Skill
-from geodesic_motion_ros.studies.cli import main
 
 BRIEFLY = ["--steps", "60", "--kernels", "60"]
 #: Exit statuses of a skill that was written: learned so briefly it need not have a motion.
@@ -72,7 +72,7 @@ def test_inspect_shows_families_and_graph(trained, tmp_path, capsys) -> None:
 
 
 def test_evaluate_prints_the_table_of_joints(joint_recording, trained, tmp_path, capsys, monkeypatch) -> None:
-    from geodesic_motion_ros.studies.experiments import trained as cache
+    from geodesic_motion_studies.experiments import trained as cache
 
     asked = []
 

@@ -17,6 +17,7 @@ from geometry_msgs.msg import PoseStamped
 from sensor_msgs.msg import JointState
 from std_srvs.srv import SetBool, Trigger
 
+from geodesic_motion_ros.cli import main
 from geodesic_motion_ros.demonstrations.readers import joint_takes
 from geodesic_motion_ros.nodes import hand_guide
 from geodesic_motion_ros.nodes.messages import joint_state_message, pose_message
@@ -24,7 +25,6 @@ from geodesic_motion_ros.nodes.record_node import RecordNode
 from geodesic_motion_ros.nodes.twin_node import TwinNode
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.skill.skill import Skill
-from geodesic_motion_ros.studies.cli import main
 
 NAMES, READY, BASE = Robot.named("panda").joint_names, Robot.named("panda").ready, Robot.named("panda").base_link
 

@@ -2,9 +2,9 @@ import numpy as np
 import pytest
 import torch
 
-from geodesic_motion_ros.studies.tools.geodesic import GeodesicSettings, continuous_geodesic
-from geodesic_motion_ros.studies.tools.metric import AmbientFactor, PullbackMetric, curve_energy, curve_length
 from geodesic_motion_ros.utils.errors import ParameterError
+from geodesic_motion_studies.tools.geodesic import GeodesicSettings, continuous_geodesic
+from geodesic_motion_studies.tools.metric import AmbientFactor, PullbackMetric, curve_energy, curve_length
 
 QUICK = GeodesicSettings(control_points=12, samples=80, iterations=60)
 

@@ -5,7 +5,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from geodesic_motion_ros.manifold.pose_graph import MetricSettings
-from geodesic_motion_ros.studies.tools.metric import (
+from geodesic_motion_studies.tools.metric import (
     AmbientFactor,
     PullbackMetric,
     curve_energy,

@@ -111,7 +111,7 @@ print(*sorted({{name.split(".")[0] for name in sys.modules}} & {{"numba", "scipy
 @pytest.mark.parametrize(
     ("module", "function", "allowed"),
     [*((f"geodesic_motion_ros.{folder}.start", name, set()) for name, folder in FOLDERS.items()),
-     ("geodesic_motion_ros.studies.cli", "main", {"scipy"})],
+     ("geodesic_motion_ros.cli", "main", {"scipy"})],
 )  # fmt: skip
 def test_help_waits_for_no_library_that_takes_seconds(module: str, function: str, allowed: set[str]) -> None:
     script = LOADED.format(module=module, function=function)

@@ -13,9 +13,9 @@ from geodesic_motion_ros.planning.certificate import ArmCertifier
 from geodesic_motion_ros.planning.path_timer import PathTimer, TimedPath, meeting
 from geodesic_motion_ros.planning.plan import MotionState
 from geodesic_motion_ros.planning.search import LatentPath, cheapest_path
-from geodesic_motion_ros.studies.benchmarks.engine import mark
-from geodesic_motion_ros.studies.benchmarks.stages import SkillBench
 from geodesic_motion_ros.trajectory.limited_tool import LimitedTool, ToolLimits
+from geodesic_motion_studies.benchmarks.engine import mark
+from geodesic_motion_studies.benchmarks.stages import SkillBench
 
 
 @pytest.fixture(scope="module")

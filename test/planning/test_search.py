@@ -9,10 +9,10 @@ from geodesic_motion_ros.manifold import bidirectional_astar
 from geodesic_motion_ros.obstacles.obstacles import Obstacles
 from geodesic_motion_ros.planning.search import KnownPaths, LatentPath, cheapest_path, is_same_path
 from geodesic_motion_ros.planning.status import VerdictCode
-from geodesic_motion_ros.studies.benchmarks.engine import mark
-from geodesic_motion_ros.studies.benchmarks.scenes import spheres_on_path
-from geodesic_motion_ros.studies.benchmarks.stages import SkillBench
 from geodesic_motion_ros.utils.deadline import Deadline
+from geodesic_motion_studies.benchmarks.engine import mark
+from geodesic_motion_studies.benchmarks.scenes import spheres_on_path
+from geodesic_motion_studies.benchmarks.stages import SkillBench
 
 PASSED = Deadline(-np.inf)
 

@@ -11,8 +11,8 @@ import pytest
 from geodesic_motion_ros.planning.arm_clearance import configuration_clearance
 from geodesic_motion_ros.robot.collision_model import CollisionModel, self_clearance, self_clearances
 from geodesic_motion_ros.robot.kinematics import Robot
-from geodesic_motion_ros.studies.tools.collision_geometry import CollisionGeometry
 from geodesic_motion_ros.utils.errors import RobotError
+from geodesic_motion_studies.tools.collision_geometry import CollisionGeometry
 
 ARM = """<robot name="arm">
   <link name="base"/><link name="upper"/><link name="tool"/>

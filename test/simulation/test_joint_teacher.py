@@ -14,8 +14,8 @@ from geodesic_motion_ros.robot.swivel import elbow_position, swivel_angle
 from geodesic_motion_ros.simulation import joint_teacher, teacher
 from geodesic_motion_ros.simulation.joint_teacher import Guidance, perform, reach_guidances, reach_to_grasp
 from geodesic_motion_ros.simulation.tabletop import TabletopWorld
-from geodesic_motion_ros.studies.tools.similarity import compare
 from geodesic_motion_ros.utils.errors import DemonstrationError, ParameterError
+from geodesic_motion_studies.tools.similarity import compare
 
 ROBOT = Robot.named("panda")
 Shown = tuple[tuple[Guidance, ...], JointDemonstrations]

@@ -17,10 +17,10 @@ import pytest
 import yaml
 from safetensors.numpy import load_file, save_file
 
+from geodesic_motion_ros.cli import main
 from geodesic_motion_ros.demonstrations.readers import holds_joints, read_demonstrations, read_joint_demonstrations
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.skill.skill import Skill
-from geodesic_motion_ros.studies.cli import main
 from geodesic_motion_ros.utils import checked_files
 from geodesic_motion_ros.utils.checked_files import DEEPEST, read_yaml
 from geodesic_motion_ros.utils.errors import DemonstrationError, FileError, SkillError

@@ -14,8 +14,8 @@ from geodesic_motion_ros.planning.planner import ReactivePlanner
 from geodesic_motion_ros.planning.settings import PlannerSettings
 from geodesic_motion_ros.robot.swivel import elbow_position
 from geodesic_motion_ros.skill.skill import Skill
-from geodesic_motion_ros.studies.tools.collision_geometry import CollisionGeometry
 from geodesic_motion_ros.trajectory.trajectory import JointReference
+from geodesic_motion_studies.tools.collision_geometry import CollisionGeometry
 
 
 @dataclass

@@ -185,7 +185,7 @@ def test_a_search_that_was_out_of_time_goes_on_in_the_next_tick_as_long_as_obsta
 def test_without_avoidance_or_with_the_hand_alone_the_elbow_hits(
     stream, reach_skill, planner, start, goal, on_elbow, least_clearance
 ) -> None:
-    from geodesic_motion_ros.studies.experiments.blocked_arm import hand_alone
+    from geodesic_motion_studies.experiments.blocked_arm import hand_alone
 
     blind = ReactivePlanner(reach_skill, replace(planner.settings, avoidance=False))
     settings = replace(planner.settings, ambient_strength=0.0)

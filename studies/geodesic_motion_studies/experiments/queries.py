@@ -1,0 +1,263 @@
+"""Queries that are drawn, of every shipped skill: what is answered, what is refused and why, what raises.
+
+A query is requested as a user can: one half by `plan` from pose to pose, the other by `stand_at`, `set_goal` (with a
+skill of configurations `set_goal_configuration`) and `tick`. One planner serves all queries of a skill; an empty scene
+is declared to it: `plan` makes detours, the first tick none. How queries are drawn is for
+`drawn_queries`: a start and a goal inside the demonstrated spread, as many up to twice outside; a quarter of all among
+one or two standing spheres; and starts at or beyond a limit of a joint, or in contact of the arm with itself. Besides,
+every demonstration's own start and goal are requested, by both. Columns count answers of queries:
+
+demonstrated, inside, outside, obstacles, odd starts  answered with a motion to the goal, of so many requests
+exceptions  what was raised: each is a bug; the query is named under the table, and in `figures.json`
+violations  answers whose motion does not begin where it was requested (1e-6 rad; `plan`: 5 mm and 0.02 rad, as near as
+            the posture in which the arm stands may be), ends off the goal (10 mm, 0.1 rad), breaks a limit of a joint,
+            or touches; and refusals without a reason
+
+Under the table: the reasons of all refusals, numbers folded to #, most frequent first.
+"""
+
+from __future__ import annotations
+
+import re
+from collections import Counter
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from matplotlib.figure import Figure
+from tqdm import tqdm
+
+from geodesic_motion_ros.geometry.quaternions import angle_between
+from geodesic_motion_ros.planning.declared_scene import DeclaredScene
+from geodesic_motion_ros.planning.plan import Plan
+from geodesic_motion_ros.planning.planner import ReactivePlanner
+from geodesic_motion_ros.planning.pose_query import Pose
+from geodesic_motion_ros.planning.settings import SAME_START
+from geodesic_motion_ros.planning.status import VerdictCode
+from geodesic_motion_ros.robot.collision_model import self_clearances
+from geodesic_motion_ros.skill.skill import Skill
+from geodesic_motion_ros.trajectory.trajectory import JointReference
+from geodesic_motion_ros.utils.tables import Cell, text_table
+from geodesic_motion_ros.visualization.plots import BLUE, GREY, VERMILION, write_figure
+from geodesic_motion_studies.experiments.drawn_queries import CYCLE, DEMONSTRATED, PARTS, Query, QuerySource
+from geodesic_motion_studies.experiments.study import Report, Study, option
+
+SKILLS = (
+    "panda_reach_to_grasp", "panda_pouring", "panda_bottle2shelf", "panda_wide_reach", "panda_insertion",
+    "fr3_reach_to_grasp", "ur5_reach", "iiwa14_reach_to_grasp",
+)  # fmt: skip
+TICK, PLAN = "tick", "plan"
+#: How far a motion may end from the requested goal [m], [rad].
+AT_GOAL = 0.01, 0.1
+#: How far a motion may begin from the requested start [rad].
+AT_START = 1e-6
+#: A motion is looked at this often for contacts [s].
+LOOK_PERIOD = 0.01
+_NUMBER = re.compile(r"(?<![\w.])[-+]?(\d+(\.\d+)?|\.\d+|inf|nan)(e[-+]?\d+)?(?![\w])")
+_NAME = re.compile(r"'[^']*'")
+
+
+@dataclass(frozen=True, eq=False)
+class Answer:
+    """What one request came to.
+
+    code : of the verdict; None where something was raised. reason : the verdict's, or what was raised.
+    violations : what an answer does not keep; none where it was refused.
+    """
+
+    skill: str
+    request: str
+    query: Query
+    code: VerdictCode | None
+    reason: str
+    violations: tuple[str, ...] = ()
+
+    @property
+    def folded(self) -> str:
+        """The reason without its numbers and names."""
+        return _NAME.sub("'*'", _NUMBER.sub("#", self.reason))
+
+    def as_dict(self) -> dict[str, Any]:
+        """All that repeats it."""
+        query = self.query
+        return {
+            "skill": self.skill, "request": self.request, "part": query.part, "number": query.number,
+            "code": None if self.code is None else self.code.name, "reason": self.reason,
+            "violations": self.violations, "start": query.start,
+            "start_pose": np.concatenate([query.start_pose.position, query.start_pose.quaternion]),
+            "goal": query.goal, "goal_pose": np.concatenate([query.goal_pose.position, query.goal_pose.quaternion]),
+            "centres": query.centres, "radii": query.radii,
+        }  # fmt: skip
+
+
+@dataclass(frozen=True, eq=False)
+class QueriesReport(Report):
+    """All answers. queries : that were drawn of each skill."""
+
+    seed: int
+    queries: int
+    answers: tuple[Answer, ...]
+
+    def as_dict(self) -> dict[str, Any]:
+        return {
+            "seed": self.seed, "queries_of_each_skill": self.queries,
+            "answered": {
+                f"{skill} {request}": {part: self._answered(skill, request, part) for part in PARTS}
+                for skill, request in self._rows()
+            },
+            "refusals": [
+                {"code": code, "reason": reason, "count": count, "first": self._first(code, reason).as_dict()}
+                for (code, reason), count in self._refusals()
+            ],
+            "exceptions": [each.as_dict() for each in self.answers if each.code is None],
+            "violations": [each.as_dict() for each in self.answers if each.violations],
+        }  # fmt: skip
+
+    def table(self) -> str:
+        rows: list[list[Cell]] = []
+        for skill, request in self._rows():
+            own = [each for each in self.answers if (each.skill, each.request) == (skill, request)]
+            parts = ["{} of {}".format(*self._answered(skill, request, part)) for part in PARTS]
+            raised, broken = sum(each.code is None for each in own), sum(bool(each.violations) for each in own)
+            rows.append([skill, request, *parts, raised, broken])
+        lines = [
+            f"{self.queries} queries of each skill, seed {self.seed}",
+            text_table(["skill", "request", *PARTS, "exceptions", "violations"], rows, left=(0, 1)),
+            *(f"{count:6d}  {code}: {reason}" for (code, reason), count in self._refusals()),
+        ]
+        for each in self.answers:
+            if each.code is None or each.violations:
+                found = f"raised {each.reason}" if each.code is None else ", ".join(each.violations)
+                lines.append(f"{each.skill}, {each.request}, {each.query.part} {each.query.number}: {found}")
+        return "\n".join(lines)
+
+    def draw(self, path: Path) -> None:
+        """Shares of the drawn queries that are answered, a bar for each part of a skill."""
+        skills = list(dict.fromkeys(each.skill for each in self.answers))
+        figure = Figure(figsize=(11.0, 0.7 + 0.55 * len(skills)), layout="constrained")
+        axes = figure.subplots()
+        for row, (part, colour) in enumerate(zip(PARTS[1:], (BLUE, GREY, VERMILION, "black"), strict=True)):
+            counts = [[self._answered(skill, request, part) for request in (TICK, PLAN)] for skill in skills]
+            shares = [sum(own[0] for own in two) / max(1, sum(own[1] for own in two)) for two in counts]
+            axes.barh(np.arange(len(skills)) + 0.2 * row, shares, 0.18, color=colour, label=part)
+        axes.set_yticks(np.arange(len(skills)) + 0.3, skills)
+        axes.invert_yaxis()
+        axes.set(xlim=(0.0, 1.0), xlabel="answered with a motion to the goal")
+        axes.legend(frameon=False, loc="upper left", bbox_to_anchor=(1.0, 1.0))
+        write_figure(figure, path)
+
+    def _rows(self) -> list[tuple[str, str]]:
+        return list(dict.fromkeys((each.skill, each.request) for each in self.answers))
+
+    def _answered(self, skill: str, request: str, part: str) -> tuple[int, int]:
+        """How many requests were answered, of how many."""
+        own = [each for each in self.answers if (each.skill, each.request, each.query.part) == (skill, request, part)]
+        return sum(each.code is VerdictCode.OK for each in own), len(own)
+
+    def _refusals(self) -> list[tuple[tuple[str, str], int]]:
+        """(code, folded reason), and how often it was given."""
+        refused = (each for each in self.answers if each.code not in (None, VerdictCode.OK))
+        return Counter((each.code.name, each.folded) for each in refused if each.code is not None).most_common()
+
+    def _first(self, code: str, reason: str) -> Answer:
+        return next(
+            each for each in self.answers if each.code is not None and (each.code.name, each.folded) == (code, reason)
+        )
+
+
+@dataclass(frozen=True)
+class Queries(Study):
+    """So many drawn queries of each of several skills."""
+
+    skills: tuple[str, ...] = option(
+        SKILLS, "folders, or shipped names", type=lambda text: tuple(text.split(",")), metavar="SKILL,SKILL"
+    )  # fmt: skip
+    queries: int = option(40, "drawn of each skill", least=1)
+    seed: int = option(0, "of what is drawn", least=0)
+
+    def measure(self, out: Path) -> QueriesReport:
+        answers: list[Answer] = []
+        for name in self.skills:
+            skill = Skill.load(name)
+            planner, source = ReactivePlanner(skill, scene=DeclaredScene.empty()), QuerySource.of(skill)
+            drawn = [source.drawn(number, self.seed) for number in range(self.queries)]
+            for query in tqdm([*source.demonstrated(), *drawn], desc=skill.name, unit="query"):
+                answers += answers_to(planner, query)
+        return QueriesReport(self.seed, self.queries, tuple(answers))
+
+
+def answers_to(planner: ReactivePlanner, query: Query) -> list[Answer]:
+    """A demonstrated query is requested by both, a drawn one by each in turn; without a start posture by `plan`."""
+    by_tick = (query.number // 2 + query.number // (2 * CYCLE)) % 2 == 0
+    found = []
+    if query.start is not None and (by_tick or query.part == DEMONSTRATED):
+        found.append(_answer(planner, query, TICK, _ticked))
+    if not found or query.part == DEMONSTRATED:
+        found.append(_answer(planner, query, PLAN, _planned))
+    return found
+
+
+def _ticked(planner: ReactivePlanner, query: Query) -> Plan:
+    """The answer of the first tick, or the refusal of the start or of the goal before it."""
+    assert query.start is not None
+    planner.clear_goal()
+    planner.set_obstacles(query.centres, query.radii)
+    standing = planner.stand_at(query.start, 0.0)
+    if query.goal is None:
+        taken = planner.set_goal(query.goal_pose.position, query.goal_pose.quaternion)
+    else:
+        taken = planner.set_goal_configuration(query.goal)
+    ticked = planner.tick(0.0)
+    refused = next((verdict for verdict in (standing.verdict, taken) if not verdict.ok), None)
+    return ticked if refused is None else Plan(None, 0.0, refused)
+
+
+def _planned(planner: ReactivePlanner, query: Query) -> Plan:
+    planner.set_obstacles(query.centres, query.radii)
+    start, goal = query.start_pose, query.goal_pose
+    return planner.plan(start.position, start.quaternion, goal.position, goal.quaternion)
+
+
+def _answer(planner: ReactivePlanner, query: Query, request: str, method: Callable[..., Plan]) -> Answer:
+    name = planner.skill.name
+    try:
+        plan = method(planner, query)
+    except Exception as error:
+        return Answer(name, request, query, None, " ".join(f"{type(error).__name__}: {error}".split()))
+    verdict, violations = plan.verdict, ()
+    if verdict.ok and plan.reference is not None:
+        violations = _violations(planner, query, request, plan.reference)
+    elif verdict.ok or not verdict.reason:
+        violations = ("no motion",) if verdict.ok else ("no reason",)
+    return Answer(name, request, query, verdict.code, verdict.reason, violations)
+
+
+def _violations(planner: ReactivePlanner, query: Query, request: str, reference: JointReference) -> tuple[str, ...]:
+    """What an answer does not keep."""
+    robot, collision, first, last = planner.robot, planner.collision, reference.positions[0], reference.positions[-1]
+    found = []
+    if request == TICK:
+        if np.max(np.abs(first - query.start)) > AT_START:
+            found.append("begins elsewhere")
+    elif not _near(Pose(*robot.forward(first)), query.start_pose, SAME_START):
+        found.append("begins elsewhere")
+    if not _near(Pose(*robot.forward(last)), query.goal_pose, AT_GOAL):
+        found.append("ends elsewhere")
+    if not reference.keeps(planner.limits):
+        found.append("breaks a limit")
+    postures = reference.samples(np.arange(0.0, reference.duration + LOOK_PERIOD, LOOK_PERIOD))[0]
+    placed = collision.positions(robot, postures)
+    if len(collision.self_pairs) and np.min(self_clearances(placed, collision.radii, collision.self_pairs)[0]) < 0.0:
+        found.append("touches itself")
+    bodies, radii = placed[:, collision.moving], collision.radii[collision.moving]
+    for centre, radius in zip(query.centres, query.radii, strict=True):
+        if np.min(np.linalg.norm(bodies - centre, axis=2) - radii) < radius:
+            found.append("touches a sphere")
+    return tuple(found)
+
+
+def _near(one: Pose, other: Pose, limits: tuple[float, float]) -> bool:
+    apart = np.linalg.norm(one.position - other.position), angle_between(one.quaternion, other.quaternion)
+    return bool(apart[0] <= limits[0] and apart[1] <= limits[1])

@@ -1,0 +1,80 @@
+"""Ticks a second of planner and twin as two processes, as `studies.rates` measures them; needs ROS when it runs.
+
+`rate`: with a goal that stays or moves, a moving sphere, and clouds; with a skill of joint space also the time from an
+obstacle's message to the trajectory that answers it. `paper-rate`: the same of the paper's planner in both spaces, and
+how often a tick ends with the cheapest path.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from geodesic_motion_ros.cli.arguments import metres
+from geodesic_motion_ros.skill.skill import Skill
+from geodesic_motion_studies.experiments.study import Report, Study, option
+
+if TYPE_CHECKING:
+    from geodesic_motion_studies.rates.node_rate import RateRow
+    from geodesic_motion_studies.rates.reaction_time import ReactionRow
+
+
+@dataclass(frozen=True)
+class RateReport(Report):
+    """Rows of rates, and of reactions where they were timed."""
+
+    rows: Sequence[RateRow]
+    reactions: Sequence[ReactionRow] = ()
+
+    def as_dict(self) -> dict[str, Any]:
+        reactions = {"reactions": [asdict(row) for row in self.reactions]} if self.reactions else {}
+        return {"rows": [asdict(row) for row in self.rows], **reactions}
+
+    def table(self) -> str:
+        from geodesic_motion_studies.rates import node_rate, reaction_time
+
+        tables = [node_rate.table(self.rows)]
+        if self.reactions:
+            tables.append(reaction_time.table(self.reactions))
+        return "\n\n".join(tables)
+
+    def draw(self, path: Path) -> None:
+        """There is none."""
+
+
+@dataclass(frozen=True)
+class Rate(Study):
+    """The nodes with one skill."""
+
+    skill: str = option("panda_pouring", "its folder, or a shipped name", metavar="SKILL")
+    rates: tuple[float, ...] = option((100.0,), "of the planner", type=metres, metavar="HZ,HZ")
+    seconds: float = option(8.0, "length of each stretch")
+    goals_hz: float = option(10.0, "new goals a second")
+    obstacles: int = option(10, "spheres beside the path")
+    spheres: int = option(100, "that appear on the path, to time answers; 0: none")
+
+    def measure(self, out: Path) -> RateReport:
+        from geodesic_motion_studies.rates import node_rate, reaction_time
+
+        folder = out / "rate"
+        rows = node_rate.measure_rates(
+            self.skill, folder, self.rates, self.seconds, self.goals_hz, self.obstacles
+        )  # fmt: skip
+        if self.spheres <= 0 or Skill.load(self.skill).space != "joint":
+            return RateReport(rows)
+        return RateReport(rows, reaction_time.measure_reaction(self.skill, folder, self.rates, self.spheres))
+
+
+@dataclass(frozen=True)
+class PaperRate(Study):
+    """The nodes with the paper's planner."""
+
+    rate: float = option(100.0, "of the planner", metavar="HZ")
+    seconds: float = option(8.0, "length of each stretch")
+
+    def measure(self, out: Path) -> RateReport:
+        from geodesic_motion_studies.rates import node_rate
+
+        return RateReport(node_rate.measure_paper(out / "paper-rate", self.rate, self.seconds))
