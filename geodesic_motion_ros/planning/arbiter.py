@@ -2,8 +2,8 @@
 changes nothing.
 
 An arm that has a path keeps it, as long as that meets what is required to go on, or takes a better one. Without a path
-the proposers are asked by their ranks, `PROPOSERS`, until one of them hands out a motion: the stages of
-doc/reactions.md. Where none does, the arm stops.
+the proposers are asked by their ranks, `PROPOSERS`, until one of them decides, that is begins a motion: the stages of
+doc/reactions.md. A step that only keeps a motion is left to those after it. Where there is no step, the arm stops.
 """
 
 from __future__ import annotations
@@ -110,7 +110,7 @@ class Arbiter:
         """
         if followed.outdated:
             return False
-        return not self.situation.settings.avoidance or followed.is_certified_among(self.situation.obstacles)
+        return not self.situation.settings.avoidance or followed.is_settled_among(self.situation.obstacles)
 
     def _improved(self, turn: Turn, followed: Followed) -> Decision:
         """Another path, where the search finds one that is a gain; else the present one."""
@@ -127,7 +127,7 @@ class Arbiter:
         return Decision(situation.answered(updated.verdict, updated), query, self.memory)
 
     def _without_path(self, turn: Turn) -> Decision:
-        """What the first proposer hands out that has an answer; else a stop."""
+        """Ask the proposers, until one of them decides; else keep what one of them keeps, or stop."""
         for rank, proposer in enumerate(self.proposers):
             turn = proposer.propose(replace(turn, later=self.proposers[rank + 1 :]))
             if turn.decided:

@@ -126,9 +126,12 @@ class Followed:
         """Paths that are no gain where the search finds them again."""
         return None if self.path is None else KnownPaths(self.path, self.rejected)
 
-    def is_certified_among(self, obstacles: Obstacles) -> bool:
-        """Whether the motion needs no new certificate: obstacles stand, and are those for which it was certified."""
-        return self.asked is not None and self.asked.question.holds_for(Question(self.query, obstacles))
+    def is_settled_among(self, obstacles: Obstacles) -> bool:
+        """Whether the motion needs neither a new certificate nor another search: obstacles stand, and are those for
+        which it was certified, and a better path was searched among them to the end.
+        """
+        asked = self.asked
+        return asked is not None and asked.finished and asked.question.holds_for(Question(self.query, obstacles))
 
     def is_due(self, obstacles: Obstacles, now: float) -> bool:
         """Whether a better path is to be searched among obstacles at a time [s]."""

@@ -73,7 +73,7 @@ class Requirements:
     approach : of a motion towards a covered goal. The clearance that there is already: where the arm is.
     stop : of the soonest stop, which is played whatever its certificate states.
     later_stop : what the stop that a motion must leave keeps from wherever an obstacle may halt
-        (`Situation.leaves_a_stop`).
+        (`Situation.may_follow`).
     """
 
     goal: Requirement

@@ -1,8 +1,9 @@
 """Retry: when a search that found nothing is made again, and with what it has worked out until then.
 
 One rule serves every search (`is_due`): it is made at once where it was not made for this query yet; never again while
-all that its answer depends on is as it was; and else a period later. A search that was out of time was not made: the
-next one goes on with what it has worked out (`Workings`).
+all that its answer depends on is as it was; and else a period later. The attempts of an arm without a path have turns
+besides, one in each tick (`AttemptMemory.chosen_attempts`). What a search that was out of time has evaluated of the
+graph's nodes serves the next one among the same obstacles (`Workings`).
 """
 
 from __future__ import annotations

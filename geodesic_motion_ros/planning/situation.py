@@ -194,12 +194,12 @@ class Situation:
 
     def clearance_left(self) -> float | None:
         """Least clearance [m] of the rest of the trajectory that is being played; None where it does not meet what is
-        required to go on, or leaves no stop (`leaves_a_stop`).
+        required to go on, or may not be followed (`may_follow`).
         """
         certificate, objection = self.certifier.assess(self.left, self.expected, self._required_to_go_on)
         if self.settings.avoidance and objection is not None:
             return None
-        return float(np.min(certificate.clearance)) if self.leaves_a_stop(self.played) else None
+        return float(np.min(certificate.clearance)) if self.may_follow(self.played) else None
 
     @property
     def _required_to_go_on(self) -> Requirement:
@@ -208,17 +208,17 @@ class Situation:
         return self.requirements.to_go_on(self.followed.purpose, self.followed.optimistic)
 
     def require_a_stop(self, plan: Plan) -> Plan:
-        """A plan, or its refusal where it does not leave a stop (`leaves_a_stop`)."""
-        if plan.trajectory is None or self._plan_leaves_a_stop(plan, self.limits):
+        """A plan, or its refusal where it may not be followed (`may_follow`)."""
+        if plan.trajectory is None or self._may_follow_plan(plan, self.limits):
             return plan
         reason = "on the best path the arm could not stop any more where what moves may come to a stand"
         return Plan(None, plan.begin, replace(plan.verdict, code=VerdictCode.NO_FEASIBLE_PATH, reason=reason))
 
-    def _plan_leaves_a_stop(self, plan: Plan, limits: JointLimits) -> bool:
+    def _may_follow_plan(self, plan: Plan, limits: JointLimits) -> bool:
         assert plan.trajectory is not None
-        return self.leaves_a_stop(PlayedTrajectory(plan.trajectory, plan.begin, self.certifier), limits)
+        return self.may_follow(PlayedTrajectory(plan.trajectory, plan.begin, self.certifier), limits)
 
-    def leaves_a_stop(self, candidate: PlayedTrajectory, limits: JointLimits | None = None) -> bool:
+    def may_follow(self, candidate: PlayedTrajectory, limits: JointLimits | None = None) -> bool:
         """Whether the arm may follow a trajectory for another `REPLAN_DELAY`, as stopping then is safe, or stopping now
         is no safer. A certificate expects every obstacle to move on; an obstacle that halts before it has passed must
         not be met either.
@@ -343,7 +343,7 @@ class Situation:
             return None
         verdict = replace(followed.verdict, clearance=float(np.min(certificate.clearance)))
         plan = Plan(self.certifier.judged(slower, certificate), self.state.time, verdict)
-        if not self._plan_leaves_a_stop(plan, self._played_limits):
+        if not self._may_follow_plan(plan, self._played_limits):
             return None
         asked = followed.asked
         if asked is not None:

@@ -153,6 +153,7 @@ class Solver:
         first: LatentPath | None = None
         for number, attempt in enumerate(attempts):
             if number > 0 and deadline.passed:
+                workings.begun = replace(search.begun, unfinished=True)
                 reason = f"out of time after {number} of {len(attempts)} attempts: {verdict.reason}"
                 return Plan(None, state.time, replace(verdict, code=VerdictCode.DEADLINE_MISSED, reason=reason))
             path = search.path(attempt.multiple)

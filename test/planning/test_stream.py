@@ -260,7 +260,7 @@ def test_what_has_passed_since_it_was_last_detected_may_have_halted_right_beyond
     time = 0.3
     passed = replace(crossing, centres=crossing.centres - [0.0, 0.0, 0.1], ages=np.array([age]), time=time)
     situation = at(stream, time - SETTINGS.latency, passed, settings=settings)
-    assert situation.leaves_a_stop(stream.played) is goes_on
+    assert situation.may_follow(stream.played) is goes_on
     assert (situation.free_path(QUERY) is not None) is goes_on
     rest = judged(stream.played.reference.rest(situation.state.time))
     assert situation.require_a_stop(Plan(rest, situation.state.time, OK)).verdict.ok is goes_on

@@ -24,7 +24,7 @@ APPROACH = "approach"
 class KeptApproach:
     """Proposes to go on with the approach that the arm follows, as long as that is free."""
 
-    def is_due(self, turn: Turn) -> bool:
+    def takes_the_tick(self, turn: Turn) -> bool:
         """It searches nothing."""
         return False
 
@@ -36,8 +36,8 @@ class KeptApproach:
 class Approach:
     """Proposes to go as near to a covered goal as is free, nearer than the arm is, or is going already."""
 
-    def is_due(self, turn: Turn) -> bool:
-        """It is searched after the attempts of a tick, whatever they take."""
+    def takes_the_tick(self, turn: Turn) -> bool:
+        """It does not: it is searched after the attempts of a tick, for the few goals that are covered."""
         return False
 
     def propose(self, turn: Turn) -> Turn:

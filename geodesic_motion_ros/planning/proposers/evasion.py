@@ -26,7 +26,7 @@ ON_GRAPH, BESIDE_GRAPH = "evasion", "beside_graph"
 class KeptEvasion:
     """Proposes to go on evading, where there is no time to search another path, as long as that is free."""
 
-    def is_due(self, turn: Turn) -> bool:
+    def takes_the_tick(self, turn: Turn) -> bool:
         """It searches nothing."""
         return False
 
@@ -47,7 +47,7 @@ class Evasion:
     on_graph: Callable[..., Plan | None] = evasion_on_graph
     beside_graph: Callable[..., Plan | None] = evasion_beside_graph
 
-    def is_due(self, turn: Turn) -> bool:
+    def takes_the_tick(self, turn: Turn) -> bool:
         """Not by an arm that approaches, as long as it can go on. The search takes about as long as an attempt."""
         followed = turn.situation.followed
         approaching = followed is not None and followed.purpose is Purpose.APPROACH
@@ -91,8 +91,8 @@ def _assessed(turn: Turn, asked: Mapping[str, Asked]) -> tuple[bool, str | None]
     |---|---|
     | True, None | no obstacle meets the arm where it stops or stands |
     | False, ON_GRAPH | search a place on the graph |
-    | False, BESIDE_GRAPH | that has just failed: search a place beside the graph, if the arm may leave it |
-    | False, None | both have just failed, or evasion is no answer to this verdict: search nothing now |
+    | False, BESIDE_GRAPH | that failed less than `SEARCH_PERIOD` ago: search one beside it, if the arm may leave it |
+    | False, None | both failed then, or evasion is no answer to this verdict, or all obstacles stand: search nothing |
 
     asked : the searches that were made and found nothing, by the names of their requirements.
     """

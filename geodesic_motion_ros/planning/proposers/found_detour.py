@@ -1,4 +1,4 @@
-"""FoundDetour: an arm at rest without a path follows a detour that was found, or has one searched."""
+"""FoundDetour and WantedDetour: an arm at rest without a path follows a detour that was found, or has one searched."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from geodesic_motion_ros.planning.retry import TIME_ROUNDING
 class FoundDetour:
     """Proposes the detour that was found, where it is certified among the present obstacles."""
 
-    def is_due(self, turn: Turn) -> bool:
+    def takes_the_tick(self, turn: Turn) -> bool:
         """It searches nothing itself."""
         return False
 
@@ -38,7 +38,7 @@ class FoundDetour:
 class WantedDetour:
     """Requests the search of a detour, in a thread of its own, for an arm that has had no path for long enough."""
 
-    def is_due(self, turn: Turn) -> bool:
+    def takes_the_tick(self, turn: Turn) -> bool:
         """The thread searches, not the tick."""
         return False
 
@@ -56,6 +56,6 @@ class WantedDetour:
 
 
 def may_leave(turn: Turn) -> bool:
-    """Whether the arm rests, has had no path for a while, and may leave what was demonstrated."""
+    """Whether the arm rests, had no path in an earlier tick either, and may leave what was demonstrated."""
     situation = turn.situation
     return situation.reach > 0.0 and situation.at_rest and turn.memory.blocked_since < situation.now

@@ -15,8 +15,8 @@ from geodesic_motion_ros.planning.status import Verdict
 class GraphPath:
     """Proposes the path to the goal that an attempt finds; where none does, the verdict says why."""
 
-    def is_due(self, turn: Turn) -> bool:
-        """It searches in every tick: what is left of that does."""
+    def takes_the_tick(self, turn: Turn) -> bool:
+        """It leaves its attempts to those that do."""
         return False
 
     def propose(self, turn: Turn) -> Turn:

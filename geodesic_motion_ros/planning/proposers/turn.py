@@ -26,8 +26,10 @@ class Proposer(Protocol):
         """The turn of the next proposer: with a step, with a verdict, with another memory, or as it is."""
         ...
 
-    def is_due(self, turn: Turn) -> bool:
-        """Whether it would begin a long search in this tick, where there is no path for the reason of a turn."""
+    def takes_the_tick(self, turn: Turn) -> bool:
+        """Whether it begins a search in this tick, where there is no path for the reason of a turn, that takes so long
+        that no attempt at a path is made before it.
+        """
         ...
 
 
@@ -66,10 +68,8 @@ class Turn:
         )  # fmt: skip
 
     def is_shared(self, refusal: Verdict) -> bool:
-        """Whether a later proposer begins a long search in this tick, where there is no path for a reason: both
-        searches would take too long for one tick.
-        """
-        return any(proposer.is_due(replace(self, verdict=refusal)) for proposer in self.later)
+        """Whether a later proposer takes the tick, where there is no path for a reason."""
+        return any(proposer.takes_the_tick(replace(self, verdict=refusal)) for proposer in self.later)
 
     def solved(
         self,

@@ -279,7 +279,7 @@ def test_what_stops_before_it_has_passed_is_not_touched(counting_on_it, shown) -
 
 def test_an_arm_that_counts_on_what_moves_to_move_on_touches_what_stops(counting_on_it, monkeypatch) -> None:
     """And stops along its path alone."""
-    monkeypatch.setattr(Situation, "leaves_a_stop", lambda *_: True)
+    monkeypatch.setattr(Situation, "may_follow", lambda *_: True)
     monkeypatch.setattr(Situation, "widest_stop", property(lambda situation: situation.stop))
     assert stopping_sphere(counting_on_it, 1.2) < 0.0
 
@@ -288,7 +288,7 @@ def test_a_stop_that_leaves_the_path_comes_to_rest_before_what_the_other_one_wou
     counting_on_it, monkeypatch
 ) -> None:
     """The control is the test above."""
-    monkeypatch.setattr(Situation, "leaves_a_stop", lambda *_: True)
+    monkeypatch.setattr(Situation, "may_follow", lambda *_: True)
     assert stopping_sphere(counting_on_it, 1.2) > 0.0
 
 

@@ -107,7 +107,7 @@ class Arm:
         return Turn(guarded, situation, None, QUERY, QUERY, memory, verdict=verdict)
 
     def is_due(self, situation: Situation) -> bool:
-        return self.evasion.is_due(self.turn(situation))
+        return self.evasion.takes_the_tick(self.turn(situation))
 
     def still_evading(self, now: float, obstacles: Obstacles) -> Plan | None:
         step = self.situation(now, obstacles).still_evading()
@@ -247,6 +247,6 @@ def test_out_of_time_an_arm_goes_on_evading_while_that_is_free_and_it_can_stop(m
     meeting = replace(obstacles, centres=obstacles.centres + hand - ROBOT.forward(ROBOT.ready)[0])
     assert arm.still_evading(0.1, meeting) is None
     assert arm.still_evading(0.1, replace(obstacles, velocities=np.zeros((1, 3)))) is None
-    monkeypatch.setattr(Situation, "leaves_a_stop", lambda *_: False)
+    monkeypatch.setattr(Situation, "may_follow", lambda *_: False)
     assert arm.still_evading(0.1, obstacles) is None
     assert arm.solver.asked == 1

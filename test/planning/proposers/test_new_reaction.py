@@ -25,7 +25,7 @@ TURN = 0.05
 class TurnedBase:
     """Proposes to turn the base a little, where the arm rests without a path: the reaction that is new."""
 
-    def is_due(self, turn: Turn) -> bool:
+    def takes_the_tick(self, turn: Turn) -> bool:
         return False
 
     def propose(self, turn: Turn) -> Turn:
