@@ -86,7 +86,7 @@ def add_command(commands: argparse._SubParsersAction) -> None:
     everything = names.add_parser("all", formatter_class=HelpFormatter)
     everything.add_argument(
         "--seeds-from", type=int, default=0, metavar="SEED",
-        help="add SEED to every study's default seeds (default: 0, to develop on); tables are made with 10000",
+        help="add SEED to every study's default seeds (default: 0, to develop on); tables are of 10000 and more",
     )  # fmt: skip
     everything.set_defaults(run=_all)
     for own in names.choices.values():
