@@ -116,7 +116,7 @@ class LiteralReport(Report):
         people = [next(row.people_mm for row in self.rows if row.recording == name) for name in names]
         axes.hlines(people, np.arange(len(names)) - 0.42, np.arange(len(names)) + 0.42, "black", "--", label="people")
         axes.set_xticks(np.arange(len(names)), names)
-        axes.set_ylabel("DTW to the held-out demonstration [mm]")
+        axes.set_ylabel("DTW to the held-out one [mm]")
         figure.legend(loc="outside lower center", ncols=3, frameon=False)
         write_figure(figure, path)
 
