@@ -47,7 +47,7 @@ from geodesic_motion_studies.experiments.joint_models import (
 from geodesic_motion_studies.experiments.latent_pictures import between_samples, draw_haloed, grid_around
 from geodesic_motion_studies.experiments.metric_graph import MetricGraph, evenly
 from geodesic_motion_studies.experiments.posture_strip import draw_strip, posture_strips
-from geodesic_motion_studies.experiments.study import Report, Study, seeds
+from geodesic_motion_studies.experiments.study import Report, Study, bandwidth_factor, changed, far_sigma, seeds
 
 #: Swivel angles of the families, and demonstrations of each. Near zero the circle passes a singular posture.
 SWIVELS, SHOWN = np.radians([-60.0, -25.0, 25.0, 60.0]), 3
@@ -199,12 +199,15 @@ class Circle(Study):
     ours: JointTrainingSettings = TRAINING
     literal: JointTrainingSettings = LITERAL
     shown: Circles | None = None
+    far_sigma: float | None = far_sigma("the literal training")
+    bandwidth_factor: float | None = bandwidth_factor("the literal training")
 
     def measure(self, out: Path) -> CircleReport:
         robot, shown = Robot.named("panda"), self.shown or shown_circles()
+        literally = changed(self.literal, far_sigma=self.far_sigma, bandwidth_factor=self.bandwidth_factor)
         rows = [
             _measured(name, vae, shown, robot, chosen)
-            for name, training in (("ours", self.ours), ("literal", self.literal))
+            for name, training in (("ours", self.ours), ("literal", literally))
             for vae, chosen in models(
                 shown.configurations, robot, self.dimensions, self.seeds, training, out / "models"
             )

@@ -43,7 +43,7 @@ from geodesic_motion_studies.experiments.execution import Execution, play
 from geodesic_motion_studies.experiments.grasp_joint_scenes import passed_in_turn
 from geodesic_motion_studies.experiments.posture_strip import draw_strip
 from geodesic_motion_studies.experiments.pouring_scene import pouring_strip, standing_there
-from geodesic_motion_studies.experiments.study import Report, Study, option, seeds
+from geodesic_motion_studies.experiments.study import Report, Study, bandwidth_factor, changed, far_sigma, option, seeds
 from geodesic_motion_studies.experiments.trained import BRIEFLY, trained_once
 
 TASK = "pouring_in_groups"
@@ -57,11 +57,14 @@ class PouringJoint(Study):
 
     shown: int = option(3, "demonstrations of each of three pairs", least=2)
     seeds: tuple[int, ...] = seeds()
+    far_sigma: float | None = far_sigma("the literal training")
+    bandwidth_factor: float | None = bandwidth_factor("the literal training")
     planner: PlannerSettings = field(default_factory=PlannerSettings)
     literal: PaperSettings = field(default_factory=PaperSettings)
 
     def measure(self, out: Path) -> PouringJointReport:
         ours, literally = JointTrainingSettings(**BRIEFLY), JointTrainingSettings.paper()
+        literally = changed(literally, far_sigma=self.far_sigma, bandwidth_factor=self.bandwidth_factor)
         shown = pouring(self.shown, 0)
         families, tools = Families.of(shown, PAIRS), shown.tool_demonstrations(Robot.named(shown.robot))
         trainings = list(product((ours, literally), self.seeds))

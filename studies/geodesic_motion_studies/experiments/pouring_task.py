@@ -75,7 +75,7 @@ from geodesic_motion_studies.experiments.pouring_scene import (
 )
 from geodesic_motion_studies.experiments.requested_ends import farthest_end
 from geodesic_motion_studies.experiments.reshaped_metric import ReshapedMetric, draw_reshaped_metric, reshape_metric
-from geodesic_motion_studies.experiments.study import Report, Study, option, seeds
+from geodesic_motion_studies.experiments.study import Report, Study, bandwidth_factor, changed, far_sigma, option, seeds
 from geodesic_motion_studies.experiments.trained import BRIEFLY, trained_once
 
 TASK = "pouring_places"
@@ -94,6 +94,8 @@ class PouringTask(Study):
 
     shown: int = option(3, "demonstrations of each of three pairs", least=1)
     seeds: tuple[int, ...] = seeds()
+    far_sigma: float | None = far_sigma("the literal training")
+    bandwidth_factor: float | None = bandwidth_factor("the literal training")
 
     def measure(self, out: Path) -> PouringTaskReport:
         shown = pouring(self.shown, 0).tool_demonstrations(Robot.named("panda"))
@@ -109,7 +111,10 @@ class PouringTask(Study):
                 planners[row] = planner = PosePathPlanner(skill, bottle_settings())
                 pairs += all_pairs(ours(planner), shown, row, seed)
                 blocked += blocked_pairs(ours(planner), ours(PosePathPlanner(skill)), row, seed)
-            skill = trained_once(TASK, shown, TrainingSettings.paper(seed=seed), out / "skills")
+            literally = changed(
+                TrainingSettings.paper(seed=seed), far_sigma=self.far_sigma, bandwidth_factor=self.bandwidth_factor
+            )
+            skill = trained_once(TASK, shown, literally, out / "skills")
             with_bottle, hand_alone = literal(skill, True), literal(skill, False)
             pairs += all_pairs(hand_alone, shown, LITERAL, seed)
             blocked += blocked_pairs(with_bottle, hand_alone, LITERAL, seed)

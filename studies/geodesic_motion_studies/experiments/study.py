@@ -68,14 +68,14 @@ def steps() -> Any:
     return option(None, "of the training; without it as many as it has by default", type=int)
 
 
-def far_sigma() -> Any:
+def far_sigma(of: str = "the training") -> Any:
     """--far-sigma: None is that of the training."""
-    return option(None, "of the training, its inverse is the floor of 1 / sigma: the height of walls", type=float)
+    return option(None, f"of {of}, its inverse is the floor of 1 / sigma: the height of walls", type=float)
 
 
-def bandwidth_factor() -> Any:
+def bandwidth_factor(of: str = "the training") -> Any:
     """--bandwidth-factor: None is that of the training."""
-    return option(None, "of the training: the kernels' width over the distance between neighbours", type=float)
+    return option(None, f"of {of}: the kernels' width over the distance between neighbours", type=float)
 
 
 def changed(training: Training, **settings: Any) -> Training:
