@@ -205,6 +205,6 @@ def test_a_recording_in_the_order_of_the_scalar_first_is_not_asked_about(tmp_pat
 
 def test_the_product_alone_does_not_measure_on_held_out_demonstrations(recording, tmp_path, capsys) -> None:
     arguments = ["train", "--demos", str(recording), "--units", "cm", "--out", str(tmp_path / "s"), *BRIEFLY]
-    assert cli.main([*arguments, "--held-out", "1"]) == 2
+    assert cli.main([*arguments, "--held-out", "1"], [cli.PRODUCT]) == 2
     assert "nothing here measures" in capsys.readouterr().err
     assert not (tmp_path / "s").exists()

@@ -164,9 +164,9 @@ class Bench:
         node.start()
         return node
 
-    def launch(self, module: str, *arguments: str, folder: str = "nodes", **parameters: Any) -> subprocess.Popen:
+    def launch(self, module: str, *arguments: str, where: str = "nodes", **parameters: Any) -> subprocess.Popen:
         """Run a node of this package as a process."""
-        command = [sys.executable, "-m", f"geodesic_motion_ros.{folder}.{module}", *arguments, "--ros-args"]
+        command = [sys.executable, "-m", f"geodesic_motion_ros.{where}.{module}", *arguments, "--ros-args"]
         for name, value in parameters.items():
             command += ["-p", f"{name}:={value}"]
         process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)

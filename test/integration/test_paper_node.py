@@ -57,7 +57,7 @@ def test_it_keeps_its_speed_and_takes_other_timeouts(bench, skill) -> None:
 
 
 def test_it_does_not_start_where_a_real_arm_may_hear_it(bench) -> None:
-    process = bench.launch("paper_node", folder="paper")
+    process = bench.launch("paper_node", where="paper")
     _, errors = process.communicate(timeout=PATIENCE)
     assert process.returncode == 1
     (line,) = [line for line in errors.splitlines() if line.startswith("paper_planner: ")]

@@ -38,7 +38,7 @@ class Bench:
         self.changed = threading.Event()
         self.parameters = PARAMETERS | parameters
         robot = Robot.named("panda")
-        self.inputs = PlannerInputs(node, self.parameters, robot, "panda", lambda joints: joints, self.changed.set)
+        self.inputs = PlannerInputs(node, self.parameters, robot, "panda", self.changed.set)
         self.inputs.time = NodeTime(self, lambda: self.steady)
 
     def now(self) -> Any:
