@@ -240,7 +240,7 @@ def run(arguments: argparse.Namespace, measures: Mapping[str, Measure] | None = 
 def _measure(measures: Mapping[str, Measure] | None, space: str) -> Measure:
     """What measures on held-out demonstrations, checked; ParameterError where nothing does."""
     if measures is None:
-        raise ParameterError("--held-out: nothing here measures; run `python -m geodesic_motion_ros train`")
+        raise ParameterError("--held-out: nothing here measures: the studies do, pip install ./studies in the sources")
     measures[space].check()
     return measures[space]
 
@@ -248,10 +248,12 @@ def _measure(measures: Mapping[str, Measure] | None, space: str) -> Measure:
 def _recorded_in(scene: DeclaredScene, skill: Skill) -> Skill:
     """The skill with the scene that it was recorded in; SkillError where its demonstrations enter that."""
     from geodesic_motion_ros.planning.declared_scene import check_demonstrations
+    from geodesic_motion_ros.planning.output_space import OutputSpace
     from geodesic_motion_ros.robot.collision_model import CollisionModel
     from geodesic_motion_ros.robot.kinematics import Robot
 
-    check_demonstrations(scene, skill, Robot.named(skill.robot), CollisionModel.named(skill.robot))
+    arm = Robot.named(skill.robot), CollisionModel.named(skill.robot)
+    check_demonstrations(scene, skill, *OutputSpace.of(skill).demonstrated_spheres(skill, *arm))
     return replace(skill, scene=scene.described)
 
 
