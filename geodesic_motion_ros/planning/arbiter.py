@@ -119,8 +119,9 @@ class Arbiter:
         if not situation.handover_deadline.passed and situation.gains(plan, followed):
             taken = turn.taken(query, plan, self.memory.after(plan, query, None, attempts, situation))
             return self._decision(taken)
-        in_time = plan.verdict.code is not VerdictCode.DEADLINE_MISSED
-        asked = Asked(Question(query, situation.obstacles), situation.now, in_time)
+        # A motion that is outdated is replaced, as soon as the arm is slow enough for another one to join it.
+        settled = plan.verdict.code is not VerdictCode.DEADLINE_MISSED and not followed.outdated
+        asked = Asked(Question(query, situation.obstacles), situation.now, settled)
         updated = replace(followed, asked=asked)
         if plan.trajectory is not None or not plan.verdict.ok:
             updated = replace(updated, rejected=plan.path)

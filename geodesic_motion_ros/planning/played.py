@@ -131,7 +131,7 @@ class Followed:
         which it was certified, and a better path was searched among them to the end.
         """
         asked = self.asked
-        return asked is not None and asked.finished and asked.question.holds_for(Question(self.query, obstacles))
+        return asked is not None and asked.answered and asked.question.holds_for(Question(self.query, obstacles))
 
     def is_due(self, obstacles: Obstacles, now: float) -> bool:
         """Whether a better path is to be searched among obstacles at a time [s]."""

@@ -55,11 +55,13 @@ class Question:
 
 @dataclass(frozen=True, eq=False)
 class Asked:
-    """A search that was made: its question, when it was made [s], and whether it came to its end in time."""
+    """A search that was made: its question, when it was made [s], and whether that has its answer: not where it was out
+    of time, or what is followed has to be replaced.
+    """
 
     question: Question
     time: float
-    finished: bool = True
+    answered: bool = True
 
 
 def is_due(last: Asked | None, question: Question, now: float, period: float) -> bool:
@@ -70,7 +72,7 @@ def is_due(last: Asked | None, question: Question, now: float, period: float) ->
     """
     if last is None or last.question.about is not question.about:
         return True
-    answered = last.finished and last.question.holds_for(question)
+    answered = last.answered and last.question.holds_for(question)
     return not answered and now >= last.time + period - TIME_ROUNDING
 
 

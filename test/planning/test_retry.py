@@ -57,8 +57,8 @@ def test_another_query_is_searched_at_once_and_so_is_what_was_never_searched() -
 
 def test_what_was_out_of_time_has_no_answer_yet() -> None:
     """The control: with the same question, in time."""
-    for finished in (False, True):
-        assert is_due(Asked(QUESTION, 1.0, finished), QUESTION, 1.0 + PERIOD, PERIOD) is not finished
+    for answered in (False, True):
+        assert is_due(Asked(QUESTION, 1.0, answered), QUESTION, 1.0 + PERIOD, PERIOD) is not answered
 
 
 class CountingTimer:
