@@ -178,13 +178,17 @@ def _differences(skill: Skill, latent: np.ndarray, step: np.ndarray) -> tuple[np
     here = skill.decoder.configurations(latent)
     spread = 0.5 * skill.metric.sigma_weight * (skill.decoder.uncertainty(ahead) - skill.decoder.uncertainty(behind))
     ends = skill.decoder.configurations(ahead), skill.decoder.configurations(behind)
+    sides = end_effector_poses(here, robot.chain)[1]
     moved, turned = [], []
     for after, before in (ends, (here + spread, here - spread)):
         points = [place_body_points(each, body.frames, body.offsets, robot.chain) for each in (after, before)]
-        quaternions = [end_effector_poses(each, robot.chain)[1] for each in (after, before)]
-        sign = np.where(np.sum(quaternions[0] * quaternions[1], axis=1) < 0.0, -1.0, 1.0)
+        # With one sign for all axes, as products of their differences are in the metric.
+        quaternions = [
+            turns * np.where(np.sum(turns * sides, axis=1) < 0.0, -1.0, 1.0)[:, None]
+            for turns in (end_effector_poses(each, robot.chain)[1] for each in (after, before))
+        ]
         moved.append(points[0] - points[1])
-        turned.append(skill.metric.orientation_weight * (quaternions[0] - sign[:, None] * quaternions[1]))
+        turned.append(skill.metric.orientation_weight * (quaternions[0] - quaternions[1]))
     return np.concatenate(moved, axis=2), np.concatenate(turned, axis=1)
 
 
