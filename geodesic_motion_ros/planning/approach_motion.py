@@ -9,7 +9,7 @@ import numpy as np
 
 from geodesic_motion_ros.obstacles.obstacles import Obstacles
 from geodesic_motion_ros.planning import settings as constants
-from geodesic_motion_ros.planning.plan import Approach, ArmQuery, MotionState, Plan
+from geodesic_motion_ros.planning.plan import ApproachPlan, ArmQuery, MotionState, Plan
 from geodesic_motion_ros.planning.retry import Workings
 from geodesic_motion_ros.planning.search import path_verdict
 from geodesic_motion_ros.planning.solver import Solver
@@ -25,7 +25,7 @@ def approach_to_covered(
     refusal: Verdict,
     remaining: float = math.inf,
     deadline: Deadline = NEVER,
-) -> Approach | None:
+) -> ApproachPlan | None:
     """The certified motion along the path to a covered goal, as near to it as is free; None where that does not
     shorten the rest of the path by `APPROACH_GAIN`.
 
@@ -62,7 +62,7 @@ def approach_to_covered(
             to_goal = solver.tool_distance(curve[end], query.goal)
             reason = f"{refusal.reason}; it goes as near as it can, to {1000 * to_goal:.0f} mm"
             verdict = replace(refusal, reason=reason, clearance=float(np.min(certificate.clearance)))
-            return Approach(replace(plan, verdict=verdict), float(left[end]))
+            return ApproachPlan(replace(plan, verdict=verdict), float(left[end]))
         met = solver.certifier.first_objection(certificate, requirement.margin(obstacles, here))
         assert met is not None
         posture, _, _ = timed.reference.sample(met)

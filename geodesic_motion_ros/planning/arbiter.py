@@ -61,11 +61,7 @@ class Arbiter:
     proposers: tuple[Proposer, ...] = PROPOSERS
 
     def decide(self) -> Decision:
-        """Decide what the arm does, with workings that are this tick's own."""
-        memory = replace(self.memory, workings=self.memory.workings.copied())
-        return replace(self, memory=memory)._decided()
-
-    def _decided(self) -> Decision:
+        """Decide what the arm does."""
         situation, memory, query = self.situation, self.memory, self.mission.query
         if self.mission.active is None:
             stop = situation.stopped(Verdict(VerdictCode.NO_GOAL, "no goal has been given"))
@@ -82,14 +78,14 @@ class Arbiter:
             if isinstance(found, Verdict):
                 return Decision(situation.stopped(found), None, memory)
             query = found
-        turn = Turn(self.arm, situation, goal, memory.origin(query), query, memory)
         followed = situation.free_path(query)
-        if followed is None:
-            return self._without_path(turn)
-        if not followed.is_due(situation.obstacles, situation.now):
+        if followed is not None and not followed.is_due(situation.obstacles, situation.now):
             # The rest of the path is free, and so is a stop a moment later.
             return Decision(situation.answered(followed.verdict, followed), query, memory)
-        return self._improved(turn, followed)
+        # The workings change as the searches of this tick go on.
+        memory = replace(memory, workings=memory.workings.copied())
+        turn = Turn(self.arm, situation, goal, memory.origin(query), query, memory)
+        return self._without_path(turn) if followed is None else self._improved(turn, followed)
 
     @staticmethod
     def _slowed(situation: Situation) -> Step | None:
@@ -117,7 +113,7 @@ class Arbiter:
         situation, attempts, query = self.situation, self.arm.solver.attempts[:1], turn.query
         plan = turn.solved(query, attempts, followed.known, situation.longest_worthwhile(followed))
         if not situation.handover_deadline.passed and situation.gains(plan, followed):
-            taken = turn.taken(query, plan, self.memory.after(plan, query, None, attempts, situation))
+            taken = turn.taken(query, plan, turn.memory.after(plan, query, None, attempts, situation))
             return self._decision(taken)
         # A motion that is outdated is replaced, as soon as the arm is slow enough for another one to join it.
         settled = plan.verdict.code is not VerdictCode.DEADLINE_MISSED and not followed.outdated
@@ -125,7 +121,7 @@ class Arbiter:
         updated = replace(followed, asked=asked)
         if plan.trajectory is not None or not plan.verdict.ok:
             updated = replace(updated, rejected=plan.path)
-        return Decision(situation.answered(updated.verdict, updated), query, self.memory)
+        return Decision(situation.answered(updated.verdict, updated), query, turn.memory)
 
     def _without_path(self, turn: Turn) -> Decision:
         """Ask the proposers, until one of them decides; else keep what one of them keeps, or stop."""

@@ -1,7 +1,7 @@
 """Evasion targets: places nearby to which no obstacle is expected to come, on a skill's graph and beside it, and the
 paths there, for every kind of skill.
 
-`evasion` decides when an arm evades, and the certificate whether a path is free in motion.
+`proposers/evasion.py` decides when an arm evades, `evasion_motion.py` whether a path is free in motion.
 """
 
 from __future__ import annotations

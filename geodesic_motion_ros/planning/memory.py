@@ -96,16 +96,16 @@ class AttemptMemory:
         return blocked.origin if blocked is not None and blocked.question.about is query else query
 
     def chosen_attempts(
-        self, solver: Solver, query: ArmQuery, situation: Situation, is_shared: Callable[[Verdict], bool]
+        self, solver: Solver, query: ArmQuery, situation: Situation, is_taken: Callable[[Verdict], bool]
     ) -> tuple[tuple[Attempt, ...], AttemptMemory]:
         """The attempts of this tick, by an arm that follows no path to a query's goal, and the memory of them.
 
-        is_shared : whether another long search, where there is no path for a reason, is made in this tick.
+        is_taken : whether another long search takes this tick, where there is no path for a reason.
 
         | situation | attempts |
         |---|---|
         | the query is new, or its path has just been lost | all of `Solver.attempts` |
-        | the last search found no path, and another long search is made in this tick | none |
+        | the last search found no path, and another long search takes this tick | none |
         | the last search found no path: obstacles block it, and one of them moves | the next one of `Solver.attempts` |
         | the last search found no path, otherwise | the next one of `Solver.cautious` |
 
@@ -114,7 +114,7 @@ class AttemptMemory:
         """
         if query is not self.without_path:
             return solver.attempts, replace(self, attempted=len(solver.attempts) - 1)
-        if self.refusal is not None and is_shared(self.refusal):
+        if self.refusal is not None and is_taken(self.refusal):
             return (), self
         blocked = self.refusal is not None and self.refusal.code is VerdictCode.NO_FEASIBLE_PATH
         tried = solver.attempts if blocked and not situation.expected.is_static else solver.cautious

@@ -140,7 +140,7 @@ class MotionState:
 
 
 @dataclass(frozen=True)
-class Approach:
+class ApproachPlan:
     """A plan that leads towards a covered goal, and how much of the path there it leaves [m].
 
     remaining : a length of the path of the arm's sphere that moves farthest.

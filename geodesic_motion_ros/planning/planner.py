@@ -469,7 +469,8 @@ class ReactivePlanner:
 
         The verdict is DEADLINE_MISSED where
 
-        - `deadline` left no time for every attempt: the arm stops along its path, and the next ticks make the others;
+        - `deadline` left no time for every attempt: the arm stops along its path, or goes on evading as long as
+          that is free, and the next ticks make the others;
         - `handover_deadline` had passed when a trajectory was found, which would take over in the past: a path that is
           still free, to the goal or evading, stays. Without one the plan has no trajectory, and `stop` is to be called.
 

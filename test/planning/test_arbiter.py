@@ -46,6 +46,7 @@ class Searches:
     """In the place of a Solver: a turn about the first axis where there is a path, and what was searched, how."""
 
     free: bool = True
+    late: bool = False
     pace: float = 1.0
     attempts: tuple[Attempt, ...] = ATTEMPTS
     cautious: tuple[Attempt, ...] = CAUTIOUS
@@ -55,6 +56,8 @@ class Searches:
         self, query: SimpleNamespace, state: MotionState, obstacles: Obstacles, attempts: tuple[Attempt, ...], *_: float
     ) -> Plan:
         self.made.append((query, attempts))
+        if self.late:
+            return Plan(None, state.time, Verdict(VerdictCode.DEADLINE_MISSED, "out of time"))
         return self.turn(state, obstacles) if self.free else Plan(None, state.time, NO_PATH)
 
     def turn(self, state: MotionState, obstacles: Obstacles) -> Plan:
@@ -197,6 +200,18 @@ def test_while_nothing_changes_a_path_is_followed_without_another_search(arm: Ar
     assert arm.searches.made[1:] == [(query, ATTEMPTS[:1])]
     arm.tick(4.5 * SEARCH_PERIOD, sphere((0.0, 0.0, 3.2)))
     assert len(arm.searches.made) == 2
+
+
+@pytest.mark.parametrize("late", [True, False], ids=["out of time", "in time"])
+def test_a_search_of_a_better_path_that_was_out_of_time_is_made_again(arm: Arm, late: bool) -> None:
+    """Among obstacles that stand, and as the arm goes on along its path; not sooner than others are."""
+    arm.tick(0.0, sphere())
+    arm.searches.late, other = late, sphere((0.0, 0.0, 3.1))
+    made = []
+    for periods in (1.0, 1.5, 2.0):
+        assert arm.tick(periods * SEARCH_PERIOD, other).step.followed.verdict.ok
+        made.append(len(arm.searches.made) - 1)
+    assert made == ([1, 1, 2] if late else [1, 1, 1])
 
 
 @pytest.mark.parametrize("pace", [0.5, 1.0], ids=["slow", "fast"])

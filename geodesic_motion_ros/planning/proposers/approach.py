@@ -14,31 +14,26 @@ from geodesic_motion_ros.planning import settings as constants
 from geodesic_motion_ros.planning.approach_motion import approach_to_covered
 from geodesic_motion_ros.planning.mode import Purpose
 from geodesic_motion_ros.planning.played import Followed
-from geodesic_motion_ros.planning.proposers.turn import Turn
+from geodesic_motion_ros.planning.proposers.turn import Proposer, Turn
 from geodesic_motion_ros.planning.retry import Asked, Question, is_due
 
 #: The name of the requirement of an approach.
 APPROACH = "approach"
 
 
-class KeptApproach:
+class KeptApproach(Proposer):
     """Proposes to go on with the approach that the arm follows, as long as that is free."""
-
-    def takes_the_tick(self, turn: Turn) -> bool:
-        """It searches nothing."""
-        return False
 
     def propose(self, turn: Turn) -> Turn:
         """Go on."""
         return replace(turn, step=turn.situation.still_approaching(turn.query, turn.verdict))
 
 
-class Approach:
-    """Proposes to go as near to a covered goal as is free, nearer than the arm is, or is going already."""
+class Approach(Proposer):
+    """Proposes to go as near to a covered goal as is free, nearer than the arm is, or is going already.
 
-    def takes_the_tick(self, turn: Turn) -> bool:
-        """It does not: it is searched after the attempts of a tick, for the few goals that are covered."""
-        return False
+    It does not take the tick: few goals are covered, and the attempts at a path come first.
+    """
 
     def propose(self, turn: Turn) -> Turn:
         """Begin an approach: the plan's verdict states why there is no path, and how near the arm goes."""

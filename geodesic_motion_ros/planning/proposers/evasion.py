@@ -14,7 +14,7 @@ from geodesic_motion_ros.planning.evasion_motion import evasion_beside_graph, ev
 from geodesic_motion_ros.planning.mode import Purpose
 from geodesic_motion_ros.planning.plan import Plan
 from geodesic_motion_ros.planning.played import Followed
-from geodesic_motion_ros.planning.proposers.turn import Turn
+from geodesic_motion_ros.planning.proposers.turn import Proposer, Turn
 from geodesic_motion_ros.planning.requirement import Requirement
 from geodesic_motion_ros.planning.retry import Asked, Question, is_due
 from geodesic_motion_ros.planning.status import VerdictCode
@@ -23,12 +23,8 @@ from geodesic_motion_ros.planning.status import VerdictCode
 ON_GRAPH, BESIDE_GRAPH = "evasion", "beside_graph"
 
 
-class KeptEvasion:
+class KeptEvasion(Proposer):
     """Proposes to go on evading, where there is no time to search another path, as long as that is free."""
-
-    def takes_the_tick(self, turn: Turn) -> bool:
-        """It searches nothing."""
-        return False
 
     def propose(self, turn: Turn) -> Turn:
         """Go on."""
@@ -38,7 +34,7 @@ class KeptEvasion:
 
 
 @dataclass(frozen=True)
-class Evasion:
+class Evasion(Proposer):
     """Proposes to make room, where an obstacle meets an arm that does not.
 
     on_graph, beside_graph : what finds the motions there.
@@ -48,7 +44,9 @@ class Evasion:
     beside_graph: Callable[..., Plan | None] = evasion_beside_graph
 
     def takes_the_tick(self, turn: Turn) -> bool:
-        """Not by an arm that approaches, as long as it can go on. The search takes about as long as an attempt."""
+        """Its search takes about as long as an attempt. An arm that approaches makes its attempts first:
+        as long as its approach is free it does not evade.
+        """
         followed = turn.situation.followed
         approaching = followed is not None and followed.purpose is Purpose.APPROACH
         if approaching or turn.situation.is_late:

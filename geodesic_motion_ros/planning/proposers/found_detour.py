@@ -6,16 +6,12 @@ from dataclasses import replace
 from typing import cast
 
 from geodesic_motion_ros.planning.plan import ArmQuery
-from geodesic_motion_ros.planning.proposers.turn import Turn
+from geodesic_motion_ros.planning.proposers.turn import Proposer, Turn
 from geodesic_motion_ros.planning.retry import TIME_ROUNDING
 
 
-class FoundDetour:
+class FoundDetour(Proposer):
     """Proposes the detour that was found, where it is certified among the present obstacles."""
-
-    def takes_the_tick(self, turn: Turn) -> bool:
-        """It searches nothing itself."""
-        return False
 
     def propose(self, turn: Turn) -> Turn:
         """Follow it; where it is not certified any more, remember why."""
@@ -35,12 +31,8 @@ class FoundDetour:
         return replace(turn, memory=replace(memory, detour=replace(search, refusal=plan.verdict.reason)))
 
 
-class WantedDetour:
+class WantedDetour(Proposer):
     """Requests the search of a detour, in a thread of its own, for an arm that has had no path for long enough."""
-
-    def takes_the_tick(self, turn: Turn) -> bool:
-        """The thread searches, not the tick."""
-        return False
 
     def propose(self, turn: Turn) -> Turn:
         """Request it, where none is searched, and the obstacles are others than those of the last search."""

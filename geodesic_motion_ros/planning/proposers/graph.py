@@ -8,16 +8,12 @@ import numpy as np
 
 from geodesic_motion_ros.planning.memory import Blocked
 from geodesic_motion_ros.planning.plan import ArmQuery
-from geodesic_motion_ros.planning.proposers.turn import Turn
+from geodesic_motion_ros.planning.proposers.turn import Proposer, Turn
 from geodesic_motion_ros.planning.status import Verdict
 
 
-class GraphPath:
+class GraphPath(Proposer):
     """Proposes the path to the goal that an attempt finds; where none does, the verdict says why."""
-
-    def takes_the_tick(self, turn: Turn) -> bool:
-        """It leaves its attempts to those that do."""
-        return False
 
     def propose(self, turn: Turn) -> Turn:
         """Search with the query whose turn it is; nothing where every query was attempted in full."""
@@ -27,7 +23,7 @@ class GraphPath:
         if query is None:
             assert blocked is not None
             return replace(turn, verdict=blocked.verdict)
-        attempts, memory = turn.memory.chosen_attempts(solver, query, situation, replace(turn, query=query).is_shared)
+        attempts, memory = turn.memory.chosen_attempts(solver, query, situation, replace(turn, query=query).is_taken)
         plan = turn.solved(query, attempts, refusal=memory.refusal)
         memory = memory.after(plan, query, tried, attempts, situation)
         if plan.trajectory is not None:

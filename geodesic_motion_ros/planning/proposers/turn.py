@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import math
+from abc import ABC, abstractmethod
 from dataclasses import dataclass, replace
-from typing import Protocol
 
 from geodesic_motion_ros.planning.detour import DetourRequest
 from geodesic_motion_ros.planning.guarded_arm import GuardedArm
@@ -16,21 +16,21 @@ from geodesic_motion_ros.planning.settings import Attempt
 from geodesic_motion_ros.planning.situation import Situation
 from geodesic_motion_ros.planning.status import Verdict, VerdictCode
 
-NO_PATH = Verdict(VerdictCode.NO_FEASIBLE_PATH)
+_NO_PATH = Verdict(VerdictCode.NO_FEASIBLE_PATH)
 
 
-class Proposer(Protocol):
+class Proposer(ABC):
     """Proposes what an arm without a path does, in a turn of its own."""
 
+    @abstractmethod
     def propose(self, turn: Turn) -> Turn:
         """The turn of the next proposer: with a step, with a verdict, with another memory, or as it is."""
-        ...
 
     def takes_the_tick(self, turn: Turn) -> bool:
         """Whether it begins a search in this tick, where there is no path for the reason of a turn, that takes so long
-        that no attempt at a path is made before it.
+        that no attempt at a path is made before it. Most do not.
         """
-        ...
+        return False
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,7 +54,7 @@ class Turn:
     query: ArmQuery
     memory: AttemptMemory
     later: tuple[Proposer, ...] = ()
-    verdict: Verdict = NO_PATH
+    verdict: Verdict = _NO_PATH
     step: Step | None = None
     decided: bool = False
     detour: DetourRequest | None = None
@@ -63,11 +63,9 @@ class Turn:
     def detour_request(self) -> DetourRequest:
         """The request of a detour from where the arm stands."""
         situation = self.situation
-        return DetourRequest(
-            self.origin, self.goal, situation.obstacles, situation.reach, situation.state.position
-        )  # fmt: skip
+        return DetourRequest(self.origin, self.goal, situation.obstacles, situation.reach, situation.state.position)
 
-    def is_shared(self, refusal: Verdict) -> bool:
+    def is_taken(self, refusal: Verdict) -> bool:
         """Whether a later proposer takes the tick, where there is no path for a reason."""
         return any(proposer.takes_the_tick(replace(self, verdict=refusal)) for proposer in self.later)
 

@@ -159,6 +159,30 @@ def test_out_of_time_the_arm_stays_and_the_next_ticks_go_on_trying(stream, start
     assert planner.tick(0.0, Deadline(-np.inf)).verdict.ok
 
 
+@pytest.mark.parametrize("other", [False, True], ids=["the same obstacle", "another one"])
+def test_what_an_attempt_has_evaluated_serves_the_next_one_in_the_next_tick(stream, monkeypatch, other) -> None:
+    """The time is over after the first attempt, which is refused. It does not serve where the obstacle is another."""
+    planner, timed, evaluated, counts = stream.planner, PathTimer.timed, NodeEvaluation.of, []
+
+    def recorded(*arguments, **more) -> NodeEvaluation:
+        counts.append(arguments)
+        return evaluated(*arguments, **more)
+
+    def refused(*arguments, **more):
+        return replace(timed(*arguments, **more), reference=None, objection="not this")
+
+    monkeypatch.setattr(NodeEvaluation, "of", recorded)
+    far = np.array([[3.0, 0.0, 0.0]])
+    planner.set_obstacles(far, np.array([0.05]))
+    with monkeypatch.context() as first:
+        first.setattr(PathTimer, "timed", refused)
+        missed = planner.tick(0.0, Deadline(-np.inf)).verdict
+    assert "out of time after 1 of 2 attempts: not this" in missed.reason
+    planner.set_obstacles(far + 0.1 * other, np.array([0.05]))
+    assert planner.tick(stream.period).verdict.ok
+    assert len(counts) == (2 if other else 1)
+
+
 def test_a_search_that_was_out_of_time_goes_on_in_the_next_tick_as_long_as_obstacles_stand(
     stream, nominal, monkeypatch
 ) -> None:

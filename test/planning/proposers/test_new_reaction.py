@@ -22,11 +22,8 @@ from geodesic_motion_ros.utils.deadline import NEVER
 TURN = 0.05
 
 
-class TurnedBase:
+class TurnedBase(Proposer):
     """Proposes to turn the base a little, where the arm rests without a path: the reaction that is new."""
-
-    def takes_the_tick(self, turn: Turn) -> bool:
-        return False
 
     def propose(self, turn: Turn) -> Turn:
         situation, certifier = turn.situation, turn.arm.solver.certifier
