@@ -78,4 +78,6 @@ def tool_tolerance(values: Mapping[str, Value]) -> tuple[float, float]:
 def refuse_no_rotation(values: Mapping[str, Value]) -> None:
     """Refuse a task frame that is none: ParameterError."""
     if np.linalg.norm(values["task_frame"][3:]) < 1e-6:
-        raise ParameterError("parameter task_frame ends with a zero quaternion: no rotation is 1.0, 0.0, 0.0, 0.0")
+        raise ParameterError(
+            "parameter task_frame ends with a zero quaternion: end it with 1.0, 0.0, 0.0, 0.0 where nothing is turned"
+        )
