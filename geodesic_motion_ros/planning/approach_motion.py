@@ -9,7 +9,8 @@ import numpy as np
 
 from geodesic_motion_ros.obstacles.obstacles import Obstacles
 from geodesic_motion_ros.planning import settings as constants
-from geodesic_motion_ros.planning.plan import ApproachPlan, ArmQuery, MotionState, Plan
+from geodesic_motion_ros.planning.plan import ApproachPlan, MotionState, Plan
+from geodesic_motion_ros.planning.query import ArmQuery
 from geodesic_motion_ros.planning.retry import Workings
 from geodesic_motion_ros.planning.search import path_verdict
 from geodesic_motion_ros.planning.solver import Solver

@@ -16,13 +16,13 @@ from geodesic_motion_ros.planning.guarded_arm import GuardedArm
 from geodesic_motion_ros.planning.memory import AttemptMemory
 from geodesic_motion_ros.planning.mission import Mission
 from geodesic_motion_ros.planning.mode import Purpose
-from geodesic_motion_ros.planning.plan import ArmQuery
 from geodesic_motion_ros.planning.played import Followed, Step
 from geodesic_motion_ros.planning.proposers.approach import Approach, KeptApproach
 from geodesic_motion_ros.planning.proposers.evasion import Evasion, KeptEvasion
 from geodesic_motion_ros.planning.proposers.found_detour import FoundDetour, WantedDetour
 from geodesic_motion_ros.planning.proposers.graph import GraphPath
 from geodesic_motion_ros.planning.proposers.turn import Proposer, Turn
+from geodesic_motion_ros.planning.query import ArmQuery
 from geodesic_motion_ros.planning.retry import Asked, Question
 from geodesic_motion_ros.planning.situation import Situation
 from geodesic_motion_ros.planning.status import Verdict, VerdictCode

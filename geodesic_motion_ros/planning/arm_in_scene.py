@@ -65,9 +65,7 @@ class ArmInScene(NamedTuple):
 
 
 @numba.njit(cache=True, nogil=True)
-def distance_from_obstacles(
-    x: float, y: float, z: float, arm: ArmInScene
-) -> float:
+def distance_from_obstacles(x: float, y: float, z: float, arm: ArmInScene) -> float:
     """Distance [m] of a point from the nearest obstacle, negative inside; inf without any."""
     centres, radii, solids, squares, placing = arm.centres, arm.obstacle_radii, arm.solids, arm.squares, arm.placing
     nearest = math.inf

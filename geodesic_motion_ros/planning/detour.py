@@ -21,7 +21,8 @@ from geodesic_motion_ros.planning.detour_band import Band, drawn_tight
 from geodesic_motion_ros.planning.detour_frame import DemonstratedSpread, DetourFrame, demonstrated_mode, deviations
 from geodesic_motion_ros.planning.detour_search import LatticePath, cheapest_detour
 from geodesic_motion_ros.planning.path_smoothing import resample_latent, smooth_latent
-from geodesic_motion_ros.planning.plan import ArmGoal, ArmQuery, MotionState, PathEnds, Plan
+from geodesic_motion_ros.planning.plan import MotionState, Plan
+from geodesic_motion_ros.planning.query import ArmGoal, ArmQuery, PathEnds
 from geodesic_motion_ros.planning.retry import Question
 from geodesic_motion_ros.planning.seen_volume import SeenVolume
 from geodesic_motion_ros.planning.solver import Solver

@@ -62,9 +62,9 @@ def drawn_tight(frame: DetourFrame, arm: ArmInScene, path: LatticePath, reach: f
     of what it has between the nodes where that is less; None where the arm cannot hold it there.
     """
     # Lengths along all four axes [m].
-    points = np.column_stack([
-        frame.step * path.samples, path.displacements, constants.DETOUR_METRES_PER_SWIVEL * path.swivels
-    ])
+    points = np.column_stack(
+        [frame.step * path.samples, path.displacements, constants.DETOUR_METRES_PER_SWIVEL * path.swivels]
+    )
     configurations = path.configurations
     for spacing in _SPACINGS:
         lengths = _lengths(points * _SPACED_BY)
@@ -87,9 +87,9 @@ def drawn_tight(frame: DetourFrame, arm: ArmInScene, path: LatticePath, reach: f
 
 def band_cost(frame: DetourFrame, arm: ArmInScene, band: Band) -> float:
     """J of a band. A path of the lattice whose nodes are the points of a band costs the same."""
-    points = np.column_stack([
-        frame.step * band.progress, band.displacements, constants.DETOUR_METRES_PER_SWIVEL * band.swivels
-    ])
+    points = np.column_stack(
+        [frame.step * band.progress, band.displacements, constants.DETOUR_METRES_PER_SWIVEL * band.swivels]
+    )
     precisions = _at(frame, band.progress)[4]
     clearances = np.array([clearance_at(q, arm, constants.DETOUR_FELT_CLEARANCE) for q in band.configurations])
     parts = zip(points[:, 1:], precisions, clearances, strict=True)
@@ -102,9 +102,7 @@ def _lengths(points: np.ndarray) -> np.ndarray:
     return np.append(0.0, np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1)))
 
 
-def _at(
-    frame: DetourFrame, progress: np.ndarray
-) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+def _at(frame: DetourFrame, progress: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """Positions, quaternions, postures, null vectors and precisions at progress (m,), in numbers of samples."""
     samples = np.arange(float(len(frame)))
     positions, quaternions, postures, nulls, precisions = (

@@ -13,7 +13,8 @@ from geodesic_motion_ros.obstacles.obstacles import Obstacles
 from geodesic_motion_ros.planning import settings as constants
 from geodesic_motion_ros.planning.arm_in_scene import ArmInScene
 from geodesic_motion_ros.planning.evasion_targets import displaced_paths, paths_to_targets
-from geodesic_motion_ros.planning.plan import ArmQuery, MotionState, Plan
+from geodesic_motion_ros.planning.plan import MotionState, Plan
+from geodesic_motion_ros.planning.query import ArmQuery
 from geodesic_motion_ros.planning.retry import Workings
 from geodesic_motion_ros.planning.solver import Solver, latent_start
 from geodesic_motion_ros.planning.status import Verdict, VerdictCode

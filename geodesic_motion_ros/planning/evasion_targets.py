@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from itertools import product
+from typing import Any
 
 import numpy as np
 
@@ -17,7 +18,8 @@ from geodesic_motion_ros.manifold.shortest_path import shortest_free_path
 from geodesic_motion_ros.planning import settings as constants
 from geodesic_motion_ros.planning.arm_in_scene import ArmInScene, clearance_at
 from geodesic_motion_ros.planning.posture import solve_path
-from geodesic_motion_ros.planning.search import LatentPath, SearchQuery
+from geodesic_motion_ros.planning.query import Query
+from geodesic_motion_ros.planning.search import LatentPath
 from geodesic_motion_ros.robot.kinematics import Robot
 
 #: Steps of a displacement.
@@ -25,7 +27,7 @@ _STEPS = 3
 
 
 def paths_to_targets(
-    graph: LatentGraph, query: SearchQuery, start: np.ndarray, evaluation: NodeEvaluation, steps: int, apart: float
+    graph: LatentGraph, query: Query[Any], start: np.ndarray, evaluation: NodeEvaluation, steps: int, apart: float
 ) -> Iterator[LatentPath]:
     """Paths from a latent point (d,) to evasion targets, one in each direction, the nearest first.
 
@@ -40,7 +42,7 @@ def paths_to_targets(
     evaluate_nodes(near, evaluation)
     free = near[evaluation.clearance[near] >= apart]
     directions = _in_all_directions(free, (graph.latent[free] - start) / graph.grid.spacing)
-    for target in directions[:constants.EVASION_TARGETS]:
+    for target in directions[: constants.EVASION_TARGETS]:
         # By the triangle inequality a node is no nearer to the target than their costs from the start, or to the goal,
         # differ.
         from_start, to_goal = (np.abs(costs - costs[target]) for costs in (query.from_start, query.to_goal))

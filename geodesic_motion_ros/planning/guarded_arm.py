@@ -4,17 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
+from geodesic_motion_ros.geometry.pose import Pose
 from geodesic_motion_ros.geometry.task_frame import TaskFrame
 from geodesic_motion_ros.obstacles.obstacles import Obstacles
 from geodesic_motion_ros.planning.detour import COVERED_END, Detour, DetourPlanner, DetourRequest, without_detour
 from geodesic_motion_ros.planning.mission import GoalRequest
-from geodesic_motion_ros.planning.output_space import QueryBuilder
-from geodesic_motion_ros.planning.plan import ArmGoal, ArmQuery, MotionState, Plan
+from geodesic_motion_ros.planning.plan import MotionState, Plan
 from geodesic_motion_ros.planning.played import Followed
-from geodesic_motion_ros.planning.pose_query import Pose
+from geodesic_motion_ros.planning.query import ArmGoal, ArmQuery, QueryBuilder
 from geodesic_motion_ros.planning.settings import PlannerSettings
 from geodesic_motion_ros.planning.solver import Solver
 from geodesic_motion_ros.planning.status import Verdict, VerdictCode
@@ -36,14 +37,14 @@ class GuardedArm:
     objects: tuple[HeldObject, ...]
     collision: CollisionModel
     solver: Solver
-    queries: QueryBuilder
+    queries: QueryBuilder[Any]
     detours: DetourPlanner
 
     @classmethod
     def of(cls, solver: Solver) -> GuardedArm:
         """The arm of a solver, which holds nothing."""
         collision = solver.collision
-        queries: QueryBuilder = solver.space.queries(
+        queries = solver.space.queries(
             solver.skill, solver.graph, solver.settings, solver.robot, collision, solver.scene
         )  # fmt: skip
         return cls(collision, (), collision, solver, queries, DetourPlanner(solver))

@@ -9,7 +9,8 @@ from dataclasses import dataclass, field, replace
 from geodesic_motion_ros.obstacles.obstacles import Obstacles
 from geodesic_motion_ros.planning.detour import Detour, DetourRequest
 from geodesic_motion_ros.planning.detour_worker import DetourJob
-from geodesic_motion_ros.planning.plan import ArmQuery, Plan
+from geodesic_motion_ros.planning.plan import Plan
+from geodesic_motion_ros.planning.query import ArmQuery
 from geodesic_motion_ros.planning.retry import Asked, Question, Workings
 from geodesic_motion_ros.planning.settings import Attempt
 from geodesic_motion_ros.planning.situation import Situation

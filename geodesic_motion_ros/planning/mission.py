@@ -7,10 +7,10 @@ from functools import cached_property
 
 import numpy as np
 
+from geodesic_motion_ros.geometry.pose import Pose
 from geodesic_motion_ros.geometry.task_frame import TaskFrame
 from geodesic_motion_ros.obstacles.obstacles import Obstacles
-from geodesic_motion_ros.planning.plan import ArmGoal, ArmQuery
-from geodesic_motion_ros.planning.pose_query import Pose
+from geodesic_motion_ros.planning.query import ArmGoal, ArmQuery
 from geodesic_motion_ros.planning.tracking import Tracking
 
 

@@ -6,80 +6,23 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 
+from geodesic_motion_ros.geometry.pose import Pose
 from geodesic_motion_ros.geometry.quaternions import inverse, rotate
-from geodesic_motion_ros.geometry.task_frame import TaskFrame
 from geodesic_motion_ros.planning import settings as constants
 from geodesic_motion_ros.planning.configuration_query import ConfigurationQueryBuilder
 from geodesic_motion_ros.planning.declared_scene import DeclaredScene
-from geodesic_motion_ros.planning.plan import ArmGoal, ArmQuery
-from geodesic_motion_ros.planning.pose_query import Pose
+from geodesic_motion_ros.planning.pose_query import PoseQueryBuilder
+from geodesic_motion_ros.planning.query import ArmQuery, QueryBuilder
 from geodesic_motion_ros.planning.settings import PlannerSettings
-from geodesic_motion_ros.planning.status import Verdict
-from geodesic_motion_ros.planning.tool_query import ToolQueryBuilder
 from geodesic_motion_ros.robot.body_points import end_effector_poses
 from geodesic_motion_ros.robot.collision_model import CollisionModel
-from geodesic_motion_ros.robot.kinematics import Robot, contiguous
+from geodesic_motion_ros.robot.kinematics import Robot, check_takes_poses, contiguous
 from geodesic_motion_ros.skill.skill import Skill
 from geodesic_motion_ros.trajectory.tool_limits import ToolLimits
-
-
-class QueryBuilder(Protocol):
-    """Makes the queries of an arm with one skill: finds its ends on the manifold, and transports the graph to them.
-
-    Attributes
-    ----------
-    follows_task_frame : whether the skill may stand elsewhere than it was demonstrated.
-    """
-
-    follows_task_frame: bool
-
-    def goal_by_pose(self, pose: Pose, frame: TaskFrame) -> ArmGoal | Verdict:
-        """The goal of a tool pose of the base frame, with the task frame; or why it is refused."""
-        ...
-
-    def goal_by_configuration(self, configuration: np.ndarray, frame: TaskFrame) -> ArmGoal | Verdict:
-        """The goal of a configuration (eta,) [rad], with the task frame; or why it is refused."""
-        ...
-
-    def goal_in_place(self, pose: Pose, frame: TaskFrame, standing: np.ndarray) -> ArmGoal | None:
-        """The goal in the configuration (eta,) in which the arm stands, where that serves for a pose; None else."""
-        ...
-
-    def start_by_pose(self, pose: Pose, commanded: np.ndarray | None = None) -> np.ndarray | Verdict:
-        """The configuration (eta,) in which a plan from a tool pose begins, of an arm with a commanded one."""
-        ...
-
-    def in_turn(self, configuration: np.ndarray) -> np.ndarray:
-        """A configuration (eta,) with its continuous joints in the turn in which the skill has them."""
-        ...
-
-    def build(self, start: np.ndarray, goal: ArmGoal) -> Any:
-        """The query from a configuration (eta,) to a goal, or the verdict why there is none."""
-        ...
-
-    def redirected(self, query: Any, start: np.ndarray, latent: np.ndarray, goal: ArmGoal) -> Any:
-        """The query that goes on from a place on the path of an older one; None: it has to be built anew."""
-        ...
-
-    def first_posture(self, query: Any) -> Any:
-        """The same query in the first posture in which the arm can hold it."""
-        ...
-
-    def other_posture(self, query: Any) -> Any:
-        """The same query in the next posture; None where none is left."""
-        ...
-
-    def rebuilt(self, query: Any) -> Any:
-        """The query of a builder that guards other spheres, with the spheres of this one."""
-        ...
-
-    def guarding(self, collision: CollisionModel, settings: PlannerSettings) -> QueryBuilder:
-        """The builder of the arm with other spheres, and other settings."""
-        ...
 
 
 @dataclass(frozen=True)
@@ -88,6 +31,7 @@ class OutputSpace:
 
     Attributes
     ----------
+    check_robot : raises RobotError for an arm that cannot follow a skill of the space.
     tool_limits : of the tool, where the settings name none.
     smoothing : widths by which the configurations of a path are smoothed, over those of its latent points.
     queries : the builder of queries of a skill, its graph, settings, robot, spheres and scene.
@@ -96,9 +40,10 @@ class OutputSpace:
     spheres : centres (n, S, 3) and radii (S,) [m] of the spheres that decoded latent points (n, d) tell of.
     """
 
+    check_robot: Callable[[Robot], None]
     tool_limits: ToolLimits
     smoothing: float
-    queries: Callable[[Skill, Any, PlannerSettings, Robot, CollisionModel, DeclaredScene], Any]
+    queries: Callable[[Skill, Any, PlannerSettings, Robot, CollisionModel, DeclaredScene], QueryBuilder[Any]]
     is_there: Callable[[Robot, np.ndarray, ArmQuery], bool]
     tool_positions: Callable[[Any, np.ndarray, Robot], np.ndarray]
     spheres: Callable[[Any, np.ndarray, Robot, CollisionModel], tuple[np.ndarray, np.ndarray]]
@@ -148,19 +93,19 @@ def _arm_spheres(
 
 _SPACES = {
     "task": OutputSpace(
+        check_robot=check_takes_poses,
         tool_limits=constants.TOOL_LIMITS,
         smoothing=constants.TOOL_SMOOTHING_FACTOR,
-        queries=ToolQueryBuilder,
+        queries=PoseQueryBuilder,
         is_there=_tool_is_there,
         tool_positions=lambda decoder, codes, robot: decoder.poses(codes)[0],
         spheres=_hand_spheres,
     ),
     "joint": OutputSpace(
+        check_robot=lambda robot: None,
         tool_limits=ToolLimits(),
         smoothing=1.0,
-        queries=lambda skill, graph, settings, robot, collision, scene: ConfigurationQueryBuilder(
-            skill, graph, settings, collision, scene
-        ),
+        queries=ConfigurationQueryBuilder,
         is_there=_arm_is_there,
         tool_positions=lambda decoder, codes, robot: end_effector_poses(
             contiguous(decoder.configurations(codes)), robot.chain

@@ -19,7 +19,8 @@ from geodesic_motion_ros.manifold.pose_graph import PoseGraph
 from geodesic_motion_ros.planning import settings as constants
 from geodesic_motion_ros.planning.certificate import ArmCertifier, SweptArm
 from geodesic_motion_ros.planning.path_smoothing import resample_latent, smooth_latent
-from geodesic_motion_ros.planning.plan import ArmQuery, MotionState
+from geodesic_motion_ros.planning.plan import MotionState
+from geodesic_motion_ros.planning.query import ArmQuery
 from geodesic_motion_ros.planning.search import LatentPath
 from geodesic_motion_ros.planning.settings import PlannerSettings
 from geodesic_motion_ros.robot.limits import JointLimits
@@ -66,9 +67,7 @@ class PathTimer:
         self._joint_width = smoothing * self._width
         self._limits, self._tool, self._certifier = limits, tool, certifier
 
-    def timed(
-        self, query: ArmQuery, state: MotionState, path: LatentPath, to_goal: bool, longest: float
-    ) -> TimedPath:
+    def timed(self, query: ArmQuery, state: MotionState, path: LatentPath, to_goal: bool, longest: float) -> TimedPath:
         """The motion along a path, by its configurations (`joint_curve`)."""
         latent, found = self.joint_curve(query, state.position, path, to_goal)
         if isinstance(found, str):

@@ -1,91 +1,16 @@
-"""The inputs and the answers of a solver: queries of an arm, states of motion, plans.
-
-A query is a start, a goal, and the latent graph transported to them. Which type stands where:
-
-    skill learned from         built by                     query in a tick        module
-    joint configurations       ConfigurationQueryBuilder    ConfigurationQuery     configuration_query.py
-    tool poses                 ToolQueryBuilder             ToolQuery              tool_query.py
-      `- made of               PoseQueryBuilder             PoseQuery              pose_query.py
-
-`ConfigurationQuery` and `PoseQuery` share the fields of `TransportedQuery` (transported_query.py). The other names are
-protocols, which say what a function requires of a query:
-`SearchQuery` a graph with costs, `RefinedQuery` also the metric between its nodes (search.py), `PathEnds` two
-configurations, `ArmQuery` all of these, with nodes that are configurations. Without an arm, `PoseQuery` is used alone
-(pose_path.py).
-"""
+"""The answers of a solver, and the states of motion that it plans from."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, Protocol
 
 import numpy as np
 
 from geodesic_motion_ros.planning.certificate import JudgedTrajectory
 from geodesic_motion_ros.planning.mode import Mode
-from geodesic_motion_ros.planning.search import LatentPath, RefinedQuery
-from geodesic_motion_ros.planning.status import Figures, Verdict
+from geodesic_motion_ros.planning.search import LatentPath
+from geodesic_motion_ros.planning.status import Verdict
 from geodesic_motion_ros.trajectory.trajectory import JointReference
-
-
-class PathEnds(Protocol):
-    """The configurations (eta,) [rad] between which a path leads.
-
-    misfits : the endpoint errors, how far both are from what the skill demonstrates, by their names in a `Verdict`.
-    """
-
-    @property
-    def start(self) -> np.ndarray: ...
-    @property
-    def goal(self) -> np.ndarray: ...
-    @property
-    def misfits(self) -> Figures: ...
-
-
-class ArmGoal(Protocol):
-    """A goal that was accepted; each output space has goals of its own, which are compared among themselves.
-
-    stated : how it was found, for a person.
-    """
-
-    @property
-    def stated(self) -> str: ...
-
-    def is_same(self, other: Any) -> bool:
-        """Whether the same is meant, received again."""
-        ...
-
-    def is_near(self, other: Any) -> bool:
-        """Whether it is hardly elsewhere, and may wait until the arm rests."""
-        ...
-
-
-class ArmQuery(RefinedQuery, PathEnds, Protocol):
-    """The query that a solver plans for: a graph whose nodes are configurations of an arm of eta joints.
-
-    Attributes
-    ----------
-    start_latent : (d,) latent point that is transported onto the start.
-    """
-
-    @property
-    def start_latent(self) -> np.ndarray: ...
-
-    def turned_to_base(self, covariances: np.ndarray) -> np.ndarray:
-        """Covariances (m, 3, 3) of positions in the frame of the skill, in the base frame."""
-        ...
-
-    def displaced_at(self, progress: np.ndarray) -> float:
-        """How far the graph itself holds the tool from what was demonstrated [m], as it was displaced when the query
-        began, at a progress (1,) of the skill.
-        """
-        ...
-
-    def configurations_along(self, latent: np.ndarray, start: np.ndarray) -> tuple[np.ndarray, str]:
-        """Configurations (m, eta) of a latent curve (m, d), the first of them near a configuration (eta,), and where
-        and why the arm cannot hold it, "" where it can.
-        """
-        ...
 
 
 @dataclass(frozen=True)

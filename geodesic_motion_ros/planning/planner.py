@@ -1,11 +1,10 @@
 """ReactivePlanner: goal, obstacles and the time -> what the arm plays and the verdict, once per tick. Knows nothing of
 ROS.
 
-One planner of configurations serves every kind of skill: `configuration_query` (skills of configurations) and
-`tool_query` (skills of tool poses) give each node of the latent graph its configuration. The planner owns its inputs
-and the stream (`stream`): it plans from the state of motion in which a new trajectory takes over from the one that is
-being played. A trajectory is certified for the whole arm, against obstacles that move on linearly for the setting
-`prediction`, before it is handed out.
+One planner of configurations serves every kind of skill: a query (`query`) has a configuration at each node of the
+latent graph. The planner owns its inputs and the stream (`stream`): it plans from the state of motion in which a new
+trajectory takes over from the one that is being played. A trajectory is certified for the whole arm, against obstacles
+that move on linearly for the setting `prediction`, before it is handed out.
 
 A tick works out its `Situation` once, decides without changing anything (`arbiter`), and commits that in one place.
 """
@@ -33,8 +32,10 @@ from geodesic_motion_ros.planning.guarded_arm import GuardedArm, PreparedArm
 from geodesic_motion_ros.planning.memory import AttemptMemory, DetourSearch
 from geodesic_motion_ros.planning.mission import GoalRequest, Inputs, Mission, PreparedGoal
 from geodesic_motion_ros.planning.mode import Mode
-from geodesic_motion_ros.planning.plan import ArmGoal, Plan
+from geodesic_motion_ros.planning.output_space import OutputSpace
+from geodesic_motion_ros.planning.plan import Plan
 from geodesic_motion_ros.planning.pose_query import checked_pose
+from geodesic_motion_ros.planning.query import ArmGoal
 from geodesic_motion_ros.planning.settings import PlannerSettings
 from geodesic_motion_ros.planning.situation import Situation
 from geodesic_motion_ros.planning.solver import Solver
@@ -44,7 +45,7 @@ from geodesic_motion_ros.planning.tracking import Tracking
 from geodesic_motion_ros.planning.warm_up import load_kernels
 from geodesic_motion_ros.robot.collision_model import CollisionModel
 from geodesic_motion_ros.robot.held_objects import HeldObject, check_held
-from geodesic_motion_ros.robot.kinematics import Robot, check_takes_poses
+from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.robot.limits import JointLimits
 from geodesic_motion_ros.skill.skill import Skill
 from geodesic_motion_ros.trajectory.timing import load_references
@@ -91,8 +92,7 @@ class ReactivePlanner:
         self.skill = skill
         settings = settings or PlannerSettings()
         self.robot = robot or Robot.named(skill.robot)
-        if skill.space == "task":
-            check_takes_poses(self.robot)
+        OutputSpace.of(skill).check_robot(self.robot)
         of_arm = CollisionModel.named(skill.robot)
         guarded = collision or of_arm
         if settings.avoid == "tool":

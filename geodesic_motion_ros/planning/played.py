@@ -14,7 +14,8 @@ from geodesic_motion_ros.obstacles.obstacles import Obstacles
 from geodesic_motion_ros.planning import settings as constants
 from geodesic_motion_ros.planning.certificate import ArmCertifier, JudgedTrajectory, SweptArm
 from geodesic_motion_ros.planning.mode import Purpose
-from geodesic_motion_ros.planning.plan import ArmQuery, MotionState, Plan
+from geodesic_motion_ros.planning.plan import MotionState, Plan
+from geodesic_motion_ros.planning.query import ArmQuery
 from geodesic_motion_ros.planning.retry import TIME_ROUNDING, Asked, Question, is_due
 from geodesic_motion_ros.planning.search import KnownPaths, LatentPath
 from geodesic_motion_ros.planning.status import Verdict

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from geodesic_motion_ros.geometry.curves import PoseCurve
+from geodesic_motion_ros.geometry.pose import Pose
 from geodesic_motion_ros.geometry.quaternions import angle_between, continuous_signs
 from geodesic_motion_ros.geometry.se3 import carried
 from geodesic_motion_ros.manifold.ambient_metric import obstacle_clearances
@@ -21,10 +22,13 @@ from geodesic_motion_ros.manifold.tool_points import tool_points
 from geodesic_motion_ros.obstacles.obstacles import Obstacles, nearness
 from geodesic_motion_ros.planning.path_clearance import curve_clearances, rotation_allowance
 from geodesic_motion_ros.planning.path_smoothing import correct_ends, resample_latent, smooth_latent, smooth_poses
-from geodesic_motion_ros.planning.pose_query import Pose, PoseQuery, PoseQueryBuilder, checked_pose
+from geodesic_motion_ros.planning.pose_query import PoseQueryBuilder, checked_pose
+from geodesic_motion_ros.planning.query import PoseQuery
 from geodesic_motion_ros.planning.search import LatentPath, cheapest_path, path_verdict
 from geodesic_motion_ros.planning.settings import MARGIN_MULTIPLES, SMOOTHING_WIDTHS, PlannerSettings
 from geodesic_motion_ros.planning.status import Verdict, VerdictCode
+from geodesic_motion_ros.robot.collision_model import CollisionModel
+from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.skill.skill import Skill
 
 
@@ -61,7 +65,8 @@ class PosePathPlanner:
         graph = skill.graph(self.settings.grid_shape, self.settings.neighbours)
         assert isinstance(graph, PoseGraph)
         self.graph = graph
-        self._queries = PoseQueryBuilder(skill, self.graph, self.settings)
+        arm = Robot.named(skill.robot), CollisionModel.named(skill.robot)
+        self._queries = PoseQueryBuilder(skill, self.graph, self.settings, *arm)
         self._points = np.array(self.settings.tool_points, dtype=float)
         self._point_radii = np.array(self.settings.tool_radii, dtype=float)
         self._obstacles = Obstacles.none()
@@ -126,8 +131,8 @@ class PosePathPlanner:
         goal, goal_reason = checked_pose("goal", goal_position, goal_quaternion)
         if start is None or goal is None:
             return Verdict(VerdictCode.BAD_INPUT, start_reason or goal_reason)
-        verdict = self._queries.goal_verdict(goal)
-        return self._queries.build(start, goal) if verdict.ok else verdict
+        verdict = self._queries.goal_verdict([goal])
+        return self._queries.transport(start, [goal]) if verdict.ok else verdict
 
     def _clearance_at(self, pose: Pose, obstacles: Obstacles) -> float:
         """Clearance [m] of the tool's spheres at a pose."""

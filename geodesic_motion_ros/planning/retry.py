@@ -15,7 +15,8 @@ import numpy as np
 from geodesic_motion_ros.manifold.node_body import NodeBody
 from geodesic_motion_ros.obstacles.obstacles import Obstacles
 from geodesic_motion_ros.planning.path_timer import PathTimer, TimedPath
-from geodesic_motion_ros.planning.plan import ArmQuery, MotionState
+from geodesic_motion_ros.planning.plan import MotionState
+from geodesic_motion_ros.planning.query import ArmQuery
 from geodesic_motion_ros.planning.search import BegunSearch, LatentPath
 
 #: Two times [s] that differ by less are the same.

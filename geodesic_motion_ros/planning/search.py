@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
-from typing import Protocol
+from typing import Any
 
 import numpy as np
 
@@ -12,47 +12,17 @@ from geodesic_motion_ros.manifold.bidirectional_astar import load_search_from_bo
 from geodesic_motion_ros.manifold.decoder import rms_sigma
 from geodesic_motion_ros.manifold.geodesic_refinement import refined
 from geodesic_motion_ros.manifold.latent_graph import LatentGraph
-from geodesic_motion_ros.manifold.metric_field import MetricField
 from geodesic_motion_ros.manifold.node_body import NodeBody
 from geodesic_motion_ros.manifold.obstacle_weights import NodeEvaluation, first_clear
-from geodesic_motion_ros.manifold.shortest_path import cost_field
-from geodesic_motion_ros.manifold.weighted_graph import WeightedGraph
 from geodesic_motion_ros.obstacles.obstacles import Obstacles
+from geodesic_motion_ros.planning.query import Query
 from geodesic_motion_ros.planning.settings import CURVE_SIGMA_FACTOR, ENTRY_STEPS, PlannerSettings
-from geodesic_motion_ros.planning.status import Figures, Verdict, VerdictCode
+from geodesic_motion_ros.planning.status import Verdict, VerdictCode
 from geodesic_motion_ros.skill.skill import Skill
 from geodesic_motion_ros.utils.deadline import NEVER, Deadline
 
 #: The margin [m] with which obstacles remove no node: no clearance is less.
 NO_NODE_REMOVED = -math.inf
-
-
-class SearchQuery(Protocol):
-    """The part of a query that the search of a path needs: a graph with costs, and bounds of those to both ends; as of
-    `TransportedQuery`.
-    """
-
-    @property
-    def graph(self) -> WeightedGraph: ...
-    @property
-    def body(self) -> NodeBody: ...
-    @property
-    def to_goal(self) -> np.ndarray: ...
-    @property
-    def from_start(self) -> np.ndarray: ...
-    @property
-    def cost_limit(self) -> float: ...
-    @property
-    def goal_node(self) -> int: ...
-    @property
-    def misfits(self) -> Figures: ...
-
-
-class RefinedQuery(SearchQuery, Protocol):
-    """The part of a query that the refinement of a path needs besides: the metric between the nodes."""
-
-    @property
-    def field(self) -> MetricField: ...
 
 
 @dataclass(frozen=True)
@@ -87,22 +57,11 @@ class KnownPaths:
         over other nodes of the grid. Where such a path has been no gain once, it is not timed and certified again.
         Later, on the rest of the path, it may become a gain, which this rule misses: that is accepted.
         """
-        undisturbed = self.rejected is not None and all(
-            one.undisturbed for one in (self.followed, self.rejected, path)
-        )
+        undisturbed = self.rejected is not None and all(one.undisturbed for one in (self.followed, self.rejected, path))
         return undisturbed or is_same_path(path.nodes, self.followed.nodes)
 
 
-def demonstrated_cost(graph: LatentGraph, base: np.ndarray, codes: np.ndarray) -> float:
-    """The cost of the first demonstration's path, for codes (N, T, d) and the edges' lengths base (m,)."""
-    everywhere = np.ones(len(graph.latent), dtype=bool)
-    start, goal = (graph.node_near(code, everywhere, max(graph.grid.shape)) for code in codes[0, [0, -1]])
-    assert start is not None
-    assert goal is not None
-    return float(cost_field(graph.adjacency, base, goal)[start])
-
-
-def load_search(graph: LatentGraph, query: SearchQuery, settings: PlannerSettings) -> None:
+def load_search(graph: LatentGraph, query: Query[Any], settings: PlannerSettings) -> None:
     """Load the compiled kernels of `cheapest_path`, whatever obstacles there will be."""
     evaluation = NodeEvaluation.of(
         query.body, Obstacles.none(), settings.ambient_strength, settings.ambient_width_ratio,
@@ -116,7 +75,7 @@ def load_search(graph: LatentGraph, query: SearchQuery, settings: PlannerSetting
 
 def cheapest_path(
     graph: LatentGraph,
-    query: SearchQuery,
+    query: Query[Any],
     start: np.ndarray,
     evaluation: NodeEvaluation,
     margin: float,
@@ -161,7 +120,7 @@ def is_same_path(nodes: np.ndarray, known: np.ndarray) -> bool:
 
 
 def _entry(
-    graph: LatentGraph, query: SearchQuery, start: np.ndarray, evaluation: NodeEvaluation, margin: float
+    graph: LatentGraph, query: Query[Any], start: np.ndarray, evaluation: NodeEvaluation, margin: float
 ) -> int | None:
     """The nearest free node to the start from which the goal can be reached."""
     near = graph.nodes_near(start, ENTRY_STEPS)
@@ -195,7 +154,7 @@ class MarginSearch:
     def __init__(
         self,
         graph: LatentGraph,
-        query: RefinedQuery,
+        query: Query[Any],
         start: np.ndarray,
         begun: BegunSearch,
         deadline: Deadline,
@@ -234,7 +193,7 @@ class MarginSearch:
 def path_verdict(
     skill: Skill,
     graph: LatentGraph,
-    query: SearchQuery,
+    query: Query[Any],
     sigma: np.ndarray,
     path: LatentPath,
     clearance: float,

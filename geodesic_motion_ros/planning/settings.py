@@ -295,8 +295,7 @@ class PlannerSettings:
         radii = real_array("setting tool_radii", self.tool_radii, ("K",))
         if len(points) != len(radii) or not len(points):
             raise PlanningError(
-                f"{len(points)} tool points and {len(radii)} tool radii: "
-                "give one radius per point, and at least one"
+                f"{len(points)} tool points and {len(radii)} tool radii: give one radius per point, and at least one"
             )
         if not np.all(np.isfinite(points)):
             raise PlanningError("tool_points must be finite (x, y, z) triples in the tool frame [m]")

@@ -18,8 +18,9 @@ from geodesic_motion_ros.obstacles.obstacles import Obstacles
 from geodesic_motion_ros.planning import settings as constants
 from geodesic_motion_ros.planning.certificate import ArmCertifier, Certificate, SweptArm, SweptSpheres
 from geodesic_motion_ros.planning.mode import Mode, Purpose
-from geodesic_motion_ros.planning.plan import ArmQuery, MotionState, Plan
+from geodesic_motion_ros.planning.plan import MotionState, Plan
 from geodesic_motion_ros.planning.played import Followed, PlayedTrajectory, Step
+from geodesic_motion_ros.planning.query import ArmQuery
 from geodesic_motion_ros.planning.requirement import Requirement, Requirements
 from geodesic_motion_ros.planning.retry import Question
 from geodesic_motion_ros.planning.settings import PlannerSettings

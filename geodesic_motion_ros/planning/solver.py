@@ -22,7 +22,8 @@ from geodesic_motion_ros.planning.certificate import ArmCertifier, Certificate
 from geodesic_motion_ros.planning.declared_scene import DeclaredScene
 from geodesic_motion_ros.planning.output_space import OutputSpace
 from geodesic_motion_ros.planning.path_timer import PathTimer, TimedPath, meeting
-from geodesic_motion_ros.planning.plan import ArmQuery, MotionState, PathEnds, Plan
+from geodesic_motion_ros.planning.plan import MotionState, Plan
+from geodesic_motion_ros.planning.query import ArmQuery, PathEnds
 from geodesic_motion_ros.planning.requirement import Requirement, Requirements
 from geodesic_motion_ros.planning.retry import Workings
 from geodesic_motion_ros.planning.search import (

@@ -9,11 +9,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from geodesic_motion_ros.geometry.pose import Pose
 from geodesic_motion_ros.obstacles.obstacles import Obstacles
 from geodesic_motion_ros.planning.evasion_motion import evasion_beside_graph
 from geodesic_motion_ros.planning.guarded_arm import GuardedArm
 from geodesic_motion_ros.planning.plan import MotionState
-from geodesic_motion_ros.planning.pose_query import Pose
 from geodesic_motion_ros.planning.search import load_search
 from geodesic_motion_ros.planning.status import Verdict, VerdictCode
 from geodesic_motion_ros.trajectory.timing import load_references

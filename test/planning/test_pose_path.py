@@ -17,7 +17,7 @@ from geodesic_motion_ros.manifold.ambient_metric import obstacle_clearances
 from geodesic_motion_ros.manifold.tool_points import tool_points
 from geodesic_motion_ros.obstacles.obstacles import Obstacles
 from geodesic_motion_ros.planning.pose_path import PosePath, PosePathPlanner
-from geodesic_motion_ros.planning.pose_query import PoseQuery
+from geodesic_motion_ros.planning.query import Query
 from geodesic_motion_ros.planning.settings import PlannerSettings
 from geodesic_motion_ros.planning.status import Verdict, VerdictCode
 from geodesic_motion_ros.robot.kinematics import Robot
@@ -228,7 +228,7 @@ def test_a_query_is_the_graph_carried_to_both_ends(planner):
     start, goal = planner.skill.start_pose.copy(), planner.skill.goal_pose
     start[:3] += [0.02, -0.01, 0.015]
     query = planner.query(start[:3], start[3:], goal[:3], goal[3:])
-    assert isinstance(query, PoseQuery)
+    assert isinstance(query, Query)
     np.testing.assert_allclose(query.graph.positions[query.goal_node], goal[:3], atol=1e-9)
     np.testing.assert_array_equal(query.start.position, start[:3])
 

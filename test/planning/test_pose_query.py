@@ -10,11 +10,14 @@ import pytest
 from geodesic_motion_ros.demonstrations.canonical import canonical_form
 from geodesic_motion_ros.demonstrations.demonstrations import Demonstrations
 from geodesic_motion_ros.geometry.curves import arc_length
+from geodesic_motion_ros.geometry.pose import Pose
 from geodesic_motion_ros.geometry.quaternions import angle_between, rotate_by
 from geodesic_motion_ros.planning.pose_path import PosePath, PosePathPlanner
-from geodesic_motion_ros.planning.pose_query import Pose, PoseQueryBuilder
+from geodesic_motion_ros.planning.pose_query import PoseQueryBuilder
 from geodesic_motion_ros.planning.settings import PlannerSettings
 from geodesic_motion_ros.planning.status import VerdictCode
+from geodesic_motion_ros.robot.collision_model import CollisionModel
+from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.skill.skill import Skill
 
 NOTHING = (np.empty((0, 3)), np.empty(0))
@@ -59,7 +62,8 @@ def mean_path(planner: PosePathPlanner) -> PosePath:
 
 @pytest.fixture
 def queries(planner) -> PoseQueryBuilder:
-    return PoseQueryBuilder(planner.skill, planner.graph, planner.settings)
+    arm = Robot.named(planner.skill.robot), CollisionModel.named(planner.skill.robot)
+    return PoseQueryBuilder(planner.skill, planner.graph, planner.settings, *arm)
 
 
 def gap_to(curve: np.ndarray, points: np.ndarray) -> float:
@@ -115,25 +119,25 @@ def test_a_sphere_on_the_path_of_a_carried_query_is_passed(planner, seed):
 
 def test_the_goal_verdict_has_the_offset_and_its_part_beyond_the_demonstrated(canonical_fan_skill, queries):
     sheet, goal = canonical_fan_skill.canonical, canonical_fan_skill.goal_pose
-    inside = queries.goal_verdict(Pose(*displaced(goal, 0.9 * sheet.goal_offsets[0])))
+    inside = queries.goal_verdict([Pose(*displaced(goal, 0.9 * sheet.goal_offsets[0]))])
     assert inside.ok
     assert inside.goal_beyond < 1e-6
     assert inside.goal_offset > 0.005
     upward = np.array([0.0, 0.0, 0.06, 0.0, 0.0, 0.0])
-    outside = queries.goal_verdict(Pose(*displaced(goal, upward)))
+    outside = queries.goal_verdict([Pose(*displaced(goal, upward))])
     assert outside.ok
     assert 0.06 - sheet.goal_offsets[:, 2].max() - 1e-6 <= outside.goal_beyond < 0.05
 
 
 def test_a_goal_beyond_the_limit_is_refused_with_the_numbers(canonical_fan_skill, queries):
     goal = canonical_fan_skill.goal_pose
-    assert queries.goal_verdict(Pose(goal[:3], goal[3:])).ok
-    refused = queries.goal_verdict(Pose(*displaced(goal, np.array([0.0, 0.05, 0.25, 0.0, 0.0, 0.0]))))
+    assert queries.goal_verdict([Pose(goal[:3], goal[3:])]).ok
+    refused = queries.goal_verdict([Pose(*displaced(goal, np.array([0.0, 0.05, 0.25, 0.0, 0.0, 0.0])))])
     assert refused.code is VerdictCode.GOAL_OUT_OF_SUPPORT
     assert refused.goal_beyond > 0.1
     for said in (f"{1000 * refused.goal_beyond:.0f} mm", "50 mm", "maximum_offset", "demonstrated"):
         assert said in refused.reason
-    turned = queries.goal_verdict(Pose(*displaced(goal, np.array([0.0, 0.0, 0.0, 1.2, 0.0, 0.0]))))
+    turned = queries.goal_verdict([Pose(*displaced(goal, np.array([0.0, 0.0, 0.0, 1.2, 0.0, 0.0])))])
     assert turned.code is VerdictCode.GOAL_OUT_OF_SUPPORT
     assert turned.goal_beyond_angle > 0.5
 

@@ -7,8 +7,8 @@ from dataclasses import replace
 import numpy as np
 
 from geodesic_motion_ros.planning.memory import Blocked
-from geodesic_motion_ros.planning.plan import ArmQuery
 from geodesic_motion_ros.planning.proposers.turn import Proposer, Turn
+from geodesic_motion_ros.planning.query import ArmQuery
 from geodesic_motion_ros.planning.status import Verdict
 
 

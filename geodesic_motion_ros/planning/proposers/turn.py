@@ -9,8 +9,9 @@ from dataclasses import dataclass, replace
 from geodesic_motion_ros.planning.detour import DetourRequest
 from geodesic_motion_ros.planning.guarded_arm import GuardedArm
 from geodesic_motion_ros.planning.memory import AttemptMemory
-from geodesic_motion_ros.planning.plan import ArmGoal, ArmQuery, Plan
+from geodesic_motion_ros.planning.plan import Plan
 from geodesic_motion_ros.planning.played import Followed, Step
+from geodesic_motion_ros.planning.query import ArmGoal, ArmQuery
 from geodesic_motion_ros.planning.search import KnownPaths
 from geodesic_motion_ros.planning.settings import Attempt
 from geodesic_motion_ros.planning.situation import Situation

@@ -23,8 +23,9 @@ from geodesic_motion_ros.planning.detour import LATTICE_SMOOTHINGS, Detour, Deto
 from geodesic_motion_ros.planning.detour_band import band_cost, drawn_tight
 from geodesic_motion_ros.planning.detour_frame import DetourFrame
 from geodesic_motion_ros.planning.detour_search import LatticePath, cheapest_detour
-from geodesic_motion_ros.planning.plan import ArmQuery, MotionState, Plan
+from geodesic_motion_ros.planning.plan import MotionState, Plan
 from geodesic_motion_ros.planning.planner import ReactivePlanner
+from geodesic_motion_ros.planning.query import ArmQuery
 from geodesic_motion_ros.planning.solver import Solver
 from geodesic_motion_ros.planning.status import Verdict, VerdictCode
 from geodesic_motion_ros.skill.skill import Skill

@@ -62,7 +62,7 @@ class SkillBench:
         self._start, self._goal = np.clip(ends, planner.limits.lower, planner.limits.upper)
         model = planner.collision
         self._certifier = ArmCertifier(planner.robot, model)
-        queries = ConfigurationQueryBuilder(skill, planner.graph, planner.settings, model)
+        queries = ConfigurationQueryBuilder(skill, planner.graph, planner.settings, planner.robot, model)
         choice = queries.goal_by_configuration(self._goal, TaskFrame.identity())
         query = choice if isinstance(choice, Verdict) else queries.build(self._start, choice)
         if isinstance(query, Verdict):

@@ -14,8 +14,8 @@ from functools import cached_property
 
 import numpy as np
 
+from geodesic_motion_ros.geometry.pose import Pose
 from geodesic_motion_ros.geometry.quaternions import mean_rotation, rotate_by, rotation_vector_between
-from geodesic_motion_ros.planning.pose_query import Pose
 from geodesic_motion_ros.robot.collision_model import CollisionModel, self_clearance
 from geodesic_motion_ros.robot.inverse_kinematics import solve
 from geodesic_motion_ros.robot.kinematics import Robot

@@ -259,7 +259,7 @@ class _Judge:
     def _planned(self, row: str, skill: Skill, indices: Sequence[int], seed: int) -> Iterator[JointMeasurement]:
         """The planner's path for every demonstration, and beside geodesic the row of the latent line."""
         planner = ReactivePlanner(skill)
-        queries = ConfigurationQueryBuilder(skill, planner.graph, planner.settings, planner.collision)
+        queries = ConfigurationQueryBuilder(skill, planner.graph, planner.settings, planner.robot, planner.collision)
         for index in indices:
             start, goal = self.curves[index, 0], ConfigurationGoal(self.curves[index, -1:], "that of the demonstration")
             plan = planner.plan_configurations(start, goal)

@@ -49,13 +49,10 @@ from geodesic_motion_ros.demonstrations.joint_canonical import along_body_arc
 from geodesic_motion_ros.manifold.ambient_law import AmbientLaw
 from geodesic_motion_ros.manifold.ambient_metric import ambient_factor
 from geodesic_motion_ros.obstacles.obstacles import Obstacles
-from geodesic_motion_ros.planning.configuration_query import (
-    ConfigurationGoal,
-    ConfigurationQuery,
-    ConfigurationQueryBuilder,
-)
+from geodesic_motion_ros.planning.configuration_query import ConfigurationGoal, ConfigurationQueryBuilder
 from geodesic_motion_ros.planning.plan import MotionState
 from geodesic_motion_ros.planning.planner import ReactivePlanner
+from geodesic_motion_ros.planning.query import Query
 from geodesic_motion_ros.planning.settings import PlannerSettings
 from geodesic_motion_ros.planning.solver import Solver
 from geodesic_motion_ros.planning.status import Verdict
@@ -270,7 +267,8 @@ class _Compared:
         self._geometry = CollisionGeometry("panda")
         bodies = {True: planner.collision, False: no_body(planner.robot)}
         self._queries = {
-            hard: ConfigurationQueryBuilder(skill, planner.graph, settings, body) for hard, body in bodies.items()
+            hard: ConfigurationQueryBuilder(skill, planner.graph, settings, planner.robot, body)
+            for hard, body in bodies.items()
         }  # fmt: skip
         self._solvers = {
             law: Solver(
@@ -324,7 +322,7 @@ class _Compared:
 
 
 def _solved(
-    solver: Solver, query: ConfigurationQuery | Verdict, obstacles: Obstacles, capped: bool = True
+    solver: Solver, query: Query | Verdict, obstacles: Obstacles, capped: bool = True
 ) -> np.ndarray | None:
     """Configurations (n, eta) on the path from rest at the start to the goal; None where there is none.
 

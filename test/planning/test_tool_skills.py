@@ -7,15 +7,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from geodesic_motion_ros.geometry.pose import Pose
 from geodesic_motion_ros.geometry.quaternions import angle_between
 from geodesic_motion_ros.geometry.task_frame import TaskFrame
 from geodesic_motion_ros.obstacles.obstacles import Obstacles
 from geodesic_motion_ros.planning.arm_clearance import obstacle_clearance
 from geodesic_motion_ros.planning.planner import ReactivePlanner
-from geodesic_motion_ros.planning.pose_query import Pose
+from geodesic_motion_ros.planning.pose_query import PoseQueryBuilder
+from geodesic_motion_ros.planning.query import Query
 from geodesic_motion_ros.planning.settings import PlannerSettings
 from geodesic_motion_ros.planning.status import Verdict, VerdictCode
-from geodesic_motion_ros.planning.tool_query import ToolQuery, ToolQueryBuilder
 from geodesic_motion_ros.robot.body_points import end_effector_poses
 from geodesic_motion_ros.robot.collision_model import CollisionModel
 from geodesic_motion_ros.robot.kinematics import Robot
@@ -36,20 +37,20 @@ def planner() -> ReactivePlanner:
 
 
 @pytest.fixture(scope="module")
-def builder(planner: ReactivePlanner) -> ToolQueryBuilder:
-    return ToolQueryBuilder(SKILL, planner.graph, PlannerSettings(), planner.robot, planner.collision)
+def builder(planner: ReactivePlanner) -> PoseQueryBuilder:
+    return PoseQueryBuilder(SKILL, planner.graph, PlannerSettings(), planner.robot, planner.collision)
 
 
 @pytest.fixture(scope="module")
-def query(builder: ToolQueryBuilder) -> ToolQuery:
+def query(builder: PoseQueryBuilder) -> Query:
     return built(builder)
 
 
-def built(builder: ToolQueryBuilder, frame: TaskFrame = HOME) -> ToolQuery:
+def built(builder: PoseQueryBuilder, frame: TaskFrame = HOME) -> Query:
     """Between the skill's own ends, which move with a frame."""
     start, goal = (Pose(*frame.to_base(end.position, end.quaternion)) for end in (START, GOAL))
     found = builder.build(builder.start_by_pose(start), builder.goal_by_pose(goal, frame))
-    assert isinstance(found, ToolQuery)
+    assert isinstance(found, Query)
     return found
 
 
@@ -101,7 +102,7 @@ def test_another_posture_holds_the_same_poses_and_there_are_not_more_than_five(b
         other = builder.other_posture(other)
     assert 2 <= len(seen) <= 5
     assert np.max(np.abs(seen[1].goal - seen[0].goal)) > 0.1
-    assert builder.first_posture(seen[-1]).swivel == 0
+    assert builder.first_posture(seen[-1]).lift.swivel == 0
 
 
 def test_a_start_from_which_the_path_cannot_be_followed_is_refused_with_place_and_reason(builder, planner) -> None:
