@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from copy import copy
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -28,7 +29,7 @@ from geodesic_motion_ros.planning.settings import (
     SAME_TASK_JOINTS,
     PlannerSettings,
 )
-from geodesic_motion_ros.planning.status import Figures, Verdict, VerdictCode
+from geodesic_motion_ros.planning.status import Figures, Refusal, VerdictCode
 from geodesic_motion_ros.planning.transported_query import (
     AlongMeanPaths,
     End,
@@ -89,8 +90,8 @@ class _End:
     beyond: np.ndarray
     task_offset: np.ndarray
 
-    def misfits(self, name: End) -> Figures:
-        """Under their names in a Verdict, [rad] over all joints."""
+    def misfits(self, name: End) -> dict[str, Any]:
+        """Under their names in `Figures`, [rad] over all joints."""
         sizes = (np.linalg.norm(self.requested - self.decoded), np.linalg.norm(self.beyond))
         return {f"{name}_offset": float(sizes[0]), f"{name}_beyond": float(sizes[1])}
 
@@ -110,10 +111,10 @@ class ConfigurationQuery(TransportedQuery):
         """Covariances (m, 3, 3) themselves: configurations are of the base frame."""
         return covariances
 
-    def configurations_along(self, latent: np.ndarray, start: np.ndarray) -> tuple[np.ndarray, str]:
+    def configurations_along(self, latent: np.ndarray, start: np.ndarray) -> np.ndarray:
         """The configurations (m, eta) of a latent curve (m, d): of this kind of query every one is a configuration."""
         decoded = self.decoded.decoder.configurations(latent)
-        return self.offsets.carried(decoded, *self.decoded.progress_map(latent)), ""
+        return self.offsets.carried(decoded, *self.decoded.progress_map(latent))
 
 
 class ConfigurationQueryBuilder(TransportedQueryBuilder):
@@ -157,14 +158,14 @@ class ConfigurationQueryBuilder(TransportedQueryBuilder):
 
     # ------------------------------------------------------------------ goals
 
-    def goal_by_configuration(self, configuration: np.ndarray, frame: TaskFrame) -> ConfigurationGoal | Verdict:
+    def goal_by_configuration(self, configuration: np.ndarray, frame: TaskFrame) -> ConfigurationGoal | Refusal:
         """A goal (eta,) [rad], refused where it is too far from what was demonstrated.
 
         frame : the base frame, in which all configurations are.
         """
         return self._supported(ConfigurationGoal(configuration[None], "the requested configuration"))
 
-    def goal_by_pose(self, pose: Pose, frame: TaskFrame) -> ConfigurationGoal | Verdict:
+    def goal_by_pose(self, pose: Pose, frame: TaskFrame) -> ConfigurationGoal | Refusal:
         """The configurations that hold the tool in a pose of the base frame, searched near every mode that was
         demonstrated; frame : as of `goal_by_configuration`.
         """
@@ -174,7 +175,7 @@ class ConfigurationQueryBuilder(TransportedQueryBuilder):
         stated = f"the cheapest of {len(found)} configurations near those demonstrated"
         return self._supported(ConfigurationGoal(np.stack(found), stated))
 
-    def _free_of_itself(self, choice: ConfigurationGoal) -> ConfigurationGoal | Verdict:
+    def _free_of_itself(self, choice: ConfigurationGoal) -> ConfigurationGoal | Refusal:
         """The configurations in which no two links touch."""
         found = [self_clearance(self._collision, self._robot, goal) for goal in choice.configurations]
         free = np.array([clearance > 0.0 for clearance, _ in found])
@@ -183,7 +184,7 @@ class ConfigurationQueryBuilder(TransportedQueryBuilder):
         clearance, pair = found[0]
         first, second = (self._collision.link_of(sphere) for sphere in pair)
         reason = f"at the goal '{first}' and '{second}' would overlap by {-1000 * clearance:.0f} mm"
-        return Verdict(VerdictCode.IN_COLLISION, reason, clearance=clearance)
+        return Refusal(VerdictCode.IN_COLLISION, reason, Figures(clearance=clearance))
 
     def goal_in_place(self, pose: Pose, frame: TaskFrame, standing: np.ndarray) -> ConfigurationGoal | None:
         """The configuration (eta,) in which the arm stands, where that holds the tool in a requested pose already:
@@ -195,13 +196,13 @@ class ConfigurationQueryBuilder(TransportedQueryBuilder):
         if not here.is_within(pose, SAME_GOAL) or start.is_within(end, SAME_START):
             return None
         goal = self.goal_by_configuration(standing, frame)
-        return None if isinstance(goal, Verdict) else replace(goal, stated="the configuration in which the arm stands")
+        return None if isinstance(goal, Refusal) else replace(goal, stated="the configuration in which the arm stands")
 
     def in_turn(self, configuration: np.ndarray) -> np.ndarray:
         """A configuration (eta,) with its continuous joints in the turn in which the graph has them."""
         return in_turn_of(self._graph.configurations, configuration, self._robot)
 
-    def start_by_pose(self, pose: Pose, commanded: np.ndarray | None = None) -> np.ndarray | Verdict:
+    def start_by_pose(self, pose: Pose, commanded: np.ndarray | None = None) -> np.ndarray | Refusal:
         """The configuration (eta,) nearest to where demonstrations started that holds the tool in a pose."""
         found, reason = self._configurations_at("start", pose)
         pieces = self._graph.pieces_with_demonstrations()
@@ -211,7 +212,7 @@ class ConfigurationQueryBuilder(TransportedQueryBuilder):
             return self._unheld("start", reason)
         return best.requested
 
-    def _unheld(self, name: End, reason: str) -> Verdict:
+    def _unheld(self, name: End, reason: str) -> Refusal:
         """The refusal of a pose that the arm holds in no configuration, and why in none."""
         held = f"no configuration near the demonstrated ones holds the tool at the {name}: {reason}"
         if not self._robot.takes_poses:
@@ -219,7 +220,7 @@ class ConfigurationQueryBuilder(TransportedQueryBuilder):
             held = f"an arm of {joints} joints holds its tool in few poses, not in that of the {name}: " + (
                 "send it a configuration, goal_joints" if name == "goal" else "let it begin in a configuration"
             )
-        return Verdict(self._out_of_support(name), held)
+        return Refusal(self._out_of_support(name), held)
 
     def _configurations_at(self, name: End, pose: Pose) -> tuple[list[np.ndarray], str]:
         """Distinct configurations that hold the tool in a pose, and why there is not one more."""
@@ -246,14 +247,13 @@ class ConfigurationQueryBuilder(TransportedQueryBuilder):
         nearest = trusted[np.argsort(offset**2 + 2.0 * turn)[:NEAREST_POSES]]
         return list(self._graph.configurations[nearest])
 
-    def _supported(self, choice: ConfigurationGoal) -> ConfigurationGoal | Verdict:
+    def _supported(self, choice: ConfigurationGoal) -> ConfigurationGoal | Refusal:
         pieces = self._graph.pieces_with_demonstrations()
         ends = [self._end("goal", requested, piece) for requested in choice.configurations for piece in pieces]
         best = min((end for end in ends if end is not None), key=self._misfit, default=None)
         if best is None:
-            return Verdict(VerdictCode.GOAL_OUT_OF_SUPPORT, "the skill has no supported latent point at all")
-        verdict = self._offset_verdict("goal", best)
-        return self._free_of_itself(choice) if verdict.ok else verdict
+            return Refusal(VerdictCode.GOAL_OUT_OF_SUPPORT, "the skill has no supported latent point at all")
+        return self._offset_refusal("goal", best) or self._free_of_itself(choice)
 
     # ------------------------------------------------------------------- ends
 
@@ -305,20 +305,20 @@ class ConfigurationQueryBuilder(TransportedQueryBuilder):
     def _allowed(self, end: _End) -> bool:
         return float(np.linalg.norm(end.beyond)) <= self._settings.maximum_joint_offset
 
-    def _offset_verdict(self, name: End, end: _End) -> Verdict:
+    def _offset_refusal(self, name: End, end: _End) -> Refusal | None:
         if self._allowed(end):
-            return Verdict(VerdictCode.OK, in_support=True, **end.misfits(name))
+            return None
         worst = int(np.argmax(np.abs(end.beyond)))
         reason = (
             f"the {name} is {np.linalg.norm(end.beyond):.2f} rad from what was demonstrated, most in joint "
             f"'{self._robot.joint_names[worst]}' ({end.beyond[worst]:+.2f} rad); allowed are "
             f"{self._settings.maximum_joint_offset:.2f} rad (setting maximum_joint_offset)"
         )
-        return Verdict(self._out_of_support(name), reason, **end.misfits(name))
+        return Refusal(self._out_of_support(name), reason, Figures(**end.misfits(name)))
 
     # ------------------------------------------------------------------ query
 
-    def build(self, start: np.ndarray, goal: ConfigurationGoal) -> ConfigurationQuery | Verdict:
+    def build(self, start: np.ndarray, goal: ConfigurationGoal) -> ConfigurationQuery | Refusal:
         """Choose both ends on one connected piece of the manifold and transport the graph to the query."""
         pairs = []
         for piece in self._graph.pieces_with_demonstrations():
@@ -330,19 +330,20 @@ class ConfigurationQueryBuilder(TransportedQueryBuilder):
                 if there is not None:
                     pairs.append((here, there))
         if not pairs:
-            return Verdict(VerdictCode.START_OUT_OF_SUPPORT, "no supported latent point near start and goal")
+            return Refusal(VerdictCode.START_OUT_OF_SUPPORT, "no supported latent point near start and goal")
         good = [pair for pair in pairs if self._allowed(pair[0]) and self._allowed(pair[1])]
         if not good:
             here, there = min(pairs, key=lambda pair: self._misfit(pair[0]) + self._misfit(pair[1]))
-            verdict = self._offset_verdict("start", here)
-            return self._offset_verdict("goal", there) if verdict.ok else verdict
+            refusal = self._offset_refusal("start", here) or self._offset_refusal("goal", there)
+            assert refusal is not None
+            return refusal
         here, there = min(good, key=lambda pair: self._unmoved_cost(*pair))
         along_mean_paths = self._chosen_mean_paths(here.task_offset, there.task_offset)
         return self._between(here, there, here.task_offset, along_mean_paths)
 
     def redirected(
         self, query: ConfigurationQuery, start: np.ndarray, latent: np.ndarray, goal: ConfigurationGoal
-    ) -> ConfigurationQuery | Verdict | None:
+    ) -> ConfigurationQuery | Refusal | None:
         """The query that goes on from a configuration on the path of an older one, at its latent point, to a new goal.
 
         None where the latent point is not connected to any node: then the query has to be built anew.
@@ -356,12 +357,12 @@ class ConfigurationQueryBuilder(TransportedQueryBuilder):
         ends = [end for requested in goal.configurations if (end := self._end("goal", requested, piece)) is not None]
         allowed = [end for end in ends if self._allowed(end)]
         if not allowed:
-            return self._offset_verdict("goal", min(ends, key=self._misfit)) if ends else None
+            return self._offset_refusal("goal", min(ends, key=self._misfit)) if ends else None
         there = min(allowed, key=lambda end: self._unmoved_cost(here, end))
         along_mean_paths = query.along_mean_paths
         if np.linalg.norm(there.task_offset - query.task_goal) > SAME_TASK_JOINTS:
             along_mean_paths = self._chosen_mean_paths(query.task_start, there.task_offset)
-        along, _ = query.configurations_along(latent[None], start)
+        along = query.configurations_along(latent[None], start)
         moved = np.linalg.norm(self._robot.forward(start)[0] - self._robot.forward(along[0])[0])
         progress, _ = self._graph.progress_map(latent[None])
         displaced = float(moved) + query.displaced_at(progress)
@@ -404,7 +405,7 @@ class ConfigurationQueryBuilder(TransportedQueryBuilder):
             graph=graph,
             field=self._graph.field(mean_paths, self._settings.ridge_strength),
             **self._costs(graph, here.node, there.node),
-            misfits=here.misfits("start") | there.misfits("goal"),
+            misfits=Figures(**here.misfits("start"), **there.misfits("goal")),
             task_start=task_start,
             task_goal=there.task_offset,
             along_mean_paths=along_mean_paths,

@@ -18,7 +18,7 @@ from geodesic_motion_ros.planning.declared_scene import DeclaredScene
 from geodesic_motion_ros.planning.plan import ArmGoal, ArmQuery
 from geodesic_motion_ros.planning.pose_query import Pose
 from geodesic_motion_ros.planning.settings import PlannerSettings
-from geodesic_motion_ros.planning.status import Verdict
+from geodesic_motion_ros.planning.status import Refusal
 from geodesic_motion_ros.planning.tool_query import ToolQueryBuilder
 from geodesic_motion_ros.robot.body_points import end_effector_poses
 from geodesic_motion_ros.robot.collision_model import CollisionModel
@@ -37,11 +37,11 @@ class QueryBuilder(Protocol):
 
     follows_task_frame: bool
 
-    def goal_by_pose(self, pose: Pose, frame: TaskFrame) -> ArmGoal | Verdict:
+    def goal_by_pose(self, pose: Pose, frame: TaskFrame) -> ArmGoal | Refusal:
         """The goal of a tool pose of the base frame, with the task frame; or why it is refused."""
         ...
 
-    def goal_by_configuration(self, configuration: np.ndarray, frame: TaskFrame) -> ArmGoal | Verdict:
+    def goal_by_configuration(self, configuration: np.ndarray, frame: TaskFrame) -> ArmGoal | Refusal:
         """The goal of a configuration (eta,) [rad], with the task frame; or why it is refused."""
         ...
 
@@ -49,7 +49,7 @@ class QueryBuilder(Protocol):
         """The goal in the configuration (eta,) in which the arm stands, where that serves for a pose; None else."""
         ...
 
-    def start_by_pose(self, pose: Pose, commanded: np.ndarray | None = None) -> np.ndarray | Verdict:
+    def start_by_pose(self, pose: Pose, commanded: np.ndarray | None = None) -> np.ndarray | Refusal:
         """The configuration (eta,) in which a plan from a tool pose begins, of an arm with a commanded one."""
         ...
 
@@ -58,7 +58,7 @@ class QueryBuilder(Protocol):
         ...
 
     def build(self, start: np.ndarray, goal: ArmGoal) -> Any:
-        """The query from a configuration (eta,) to a goal, or the verdict why there is none."""
+        """The query from a configuration (eta,) to a goal, or why there is none."""
         ...
 
     def redirected(self, query: Any, start: np.ndarray, latent: np.ndarray, goal: ArmGoal) -> Any:

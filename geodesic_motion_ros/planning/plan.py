@@ -24,14 +24,14 @@ import numpy as np
 from geodesic_motion_ros.planning.certificate import JudgedTrajectory
 from geodesic_motion_ros.planning.mode import Mode
 from geodesic_motion_ros.planning.search import LatentPath, RefinedQuery
-from geodesic_motion_ros.planning.status import Figures, Verdict
+from geodesic_motion_ros.planning.status import Figures, Refusal, Verdict
 from geodesic_motion_ros.trajectory.trajectory import JointReference
 
 
 class PathEnds(Protocol):
     """The configurations (eta,) [rad] between which a path leads.
 
-    misfits : the endpoint errors, how far both are from what the skill demonstrates, by their names in a `Verdict`.
+    misfits : the endpoint errors, how far both are from what the skill demonstrates, by their names in `Figures`.
     """
 
     @property
@@ -81,9 +81,9 @@ class ArmQuery(RefinedQuery, PathEnds, Protocol):
         """
         ...
 
-    def configurations_along(self, latent: np.ndarray, start: np.ndarray) -> tuple[np.ndarray, str]:
-        """Configurations (m, eta) of a latent curve (m, d), the first of them near a configuration (eta,), and where
-        and why the arm cannot hold it, "" where it can.
+    def configurations_along(self, latent: np.ndarray, start: np.ndarray) -> np.ndarray | Refusal:
+        """Configurations (m, eta) of a latent curve (m, d), the first of them near a configuration (eta,); or where and
+        why the arm cannot hold it.
         """
         ...
 
@@ -110,6 +110,12 @@ class Plan:
     path: LatentPath | None = None
     optimistic: bool = False
     mode: Mode = Mode.IDLE
+
+    @property
+    def refusal(self) -> Refusal:
+        """The verdict of a plan that comes to no path."""
+        assert isinstance(self.verdict, Refusal)
+        return self.verdict
 
     @property
     def reference(self) -> JointReference | None:

@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -23,7 +24,7 @@ from geodesic_motion_ros.manifold.pose_graph import PoseGraph
 from geodesic_motion_ros.manifold.transport import Offsets, corrections_at
 from geodesic_motion_ros.planning.search import demonstrated_cost
 from geodesic_motion_ros.planning.settings import SAME_TASK_POSE, PlannerSettings
-from geodesic_motion_ros.planning.status import Figures, Verdict, VerdictCode
+from geodesic_motion_ros.planning.status import Figures, Refusal, VerdictCode
 from geodesic_motion_ros.planning.transported_query import (
     AlongMeanPaths,
     End,
@@ -49,19 +50,20 @@ class Pose:
         return bool(near) and bool(angle_between(self.quaternion, other.quaternion) <= limits[1])
 
 
-def checked_pose(end: str, position: np.ndarray, quaternion: np.ndarray) -> tuple[Pose | None, str]:
-    """A pose with a unit quaternion, or None and what is wrong with it: numbers up to LARGEST_NUMBER are expected."""
+def checked_pose(end: str, position: np.ndarray, quaternion: np.ndarray) -> Pose | Refusal:
+    """Return a pose with a unit quaternion, or what is wrong with it: numbers up to LARGEST_NUMBER are expected."""
     try:
         position = real_array(f"{end} position", position, (3,))
         quaternion = real_array(f"{end} quaternion", quaternion, (4,))
     except PlanningError as error:
-        return None, str(error)
+        return Refusal(VerdictCode.BAD_INPUT, str(error))
     if not np.all(np.abs(np.append(position, quaternion)) <= LARGEST_NUMBER):
         numbers = f"{end} position {position.tolist()}, quaternion {quaternion.tolist()}"
-        return None, f"{numbers}: must be finite, at most {LARGEST_NUMBER:g}"
+        return Refusal(VerdictCode.BAD_INPUT, f"{numbers}: must be finite, at most {LARGEST_NUMBER:g}")
     if np.linalg.norm(quaternion) < 1e-6:
-        return None, f"{end} quaternion {quaternion.tolist()} is zero: expected a unit quaternion (w, x, y, z)"
-    return Pose(position, normalise(quaternion)), ""
+        reason = f"{end} quaternion {quaternion.tolist()} is zero: expected a unit quaternion (w, x, y, z)"
+        return Refusal(VerdictCode.BAD_INPUT, reason)
+    return Pose(position, normalise(quaternion))
 
 
 @dataclass(frozen=True)
@@ -113,20 +115,19 @@ class PoseQueryBuilder(TransportedQueryBuilder):
 
     # ------------------------------------------------------------------ ends
 
-    def goal_verdict(self, goal: Pose) -> Verdict:
-        """Whether a goal lies close enough to what was demonstrated, or to some trusted part of the manifold."""
+    def goal_refusal(self, goal: Pose) -> Refusal | None:
+        """Refuse a goal that is too far from what was demonstrated, and from every trusted part of the manifold."""
         pieces = self._graph.pieces_with_demonstrations()
         ends = [end for component in pieces if (end := self._end("goal", goal, component)) is not None]
         if not ends:
-            return Verdict(VerdictCode.GOAL_OUT_OF_SUPPORT, "the skill has no supported latent point at all")
-        return self._offset_verdict("goal", min(ends, key=self._misfit))
+            return Refusal(VerdictCode.GOAL_OUT_OF_SUPPORT, "the skill has no supported latent point at all")
+        return self._offset_refusal("goal", min(ends, key=self._misfit))
 
-    def _offset_verdict(self, name: End, end: _End) -> Verdict:
-        found = _misfits(name, end)
+    def _offset_refusal(self, name: End, end: _End) -> Refusal | None:
         *_, beyond, beyond_angle = end.sizes
         limit, limit_angle = self._settings.maximum_offset, self._settings.maximum_offset_angle
         if self._allowed(end):
-            return Verdict(VerdictCode.OK, in_support=True, **found)
+            return None
         what = "the nearest pose the skill can reach" if self._skill.canonical is None else "what was demonstrated"
         x, y, z = 1000 * end.beyond[:3]
         reason = (
@@ -134,7 +135,7 @@ class PoseQueryBuilder(TransportedQueryBuilder):
             f"{math.degrees(beyond_angle):.0f} deg from {what}; allowed are {1000 * limit:.0f} mm and "
             f"{math.degrees(limit_angle):.0f} deg (settings maximum_offset, maximum_offset_angle)"
         )
-        return Verdict(self._out_of_support(name), reason, **found)
+        return Refusal(self._out_of_support(name), reason, Figures(**_misfits(name, end)))
 
     def _end(self, name: End, pose: Pose, component: int) -> _End | None:
         """Where a connected piece meets a pose; None where none of it is trusted."""
@@ -177,7 +178,7 @@ class PoseQueryBuilder(TransportedQueryBuilder):
 
     # ----------------------------------------------------------------- query
 
-    def build(self, start: Pose, goal: Pose) -> PoseQuery | Verdict:
+    def build(self, start: Pose, goal: Pose) -> PoseQuery | Refusal:
         """Choose both ends on one connected piece of the manifold and transport the graph to the query."""
         pairs = []
         for component in self._graph.pieces_with_demonstrations():
@@ -185,12 +186,12 @@ class PoseQueryBuilder(TransportedQueryBuilder):
             if here is not None and there is not None:
                 pairs.append((here, there))
         if not pairs:
-            return Verdict(VerdictCode.START_OUT_OF_SUPPORT, "no supported latent point near start and goal")
+            return Refusal(VerdictCode.START_OUT_OF_SUPPORT, "no supported latent point near start and goal")
         here, there = min(pairs, key=lambda pair: self._misfit(pair[0]) + self._misfit(pair[1]))
         along_mean_paths = self._chosen_mean_paths(here.task_offset, there.task_offset)
         return self._between(start, here, goal, there, here.task_offset, along_mean_paths)
 
-    def redirected(self, query: PoseQuery, start: Pose, latent: np.ndarray, goal: Pose) -> PoseQuery | Verdict | None:
+    def redirected(self, query: PoseQuery, start: Pose, latent: np.ndarray, goal: Pose) -> PoseQuery | Refusal | None:
         """The query that goes on from a pose on the path of an older one, at its latent point (d,), to a new goal.
 
         None where the latent point is not connected to any node: then the query has to be built anew.
@@ -206,7 +207,7 @@ class PoseQueryBuilder(TransportedQueryBuilder):
         if np.linalg.norm(POSE_SCALE * (there.task_offset - query.task_goal)) > SAME_TASK_POSE:
             along_mean_paths = self._chosen_mean_paths(query.task_start, there.task_offset)
         found = self._between(start, here, goal, there, query.task_start, along_mean_paths)
-        if isinstance(found, Verdict):
+        if isinstance(found, Refusal):
             return found
         progress, shares = self._graph.progress_map(latent[None])
         positions, quaternions = self._graph.decoder.poses(latent[None])
@@ -216,10 +217,10 @@ class PoseQueryBuilder(TransportedQueryBuilder):
 
     def _between(
         self, start: Pose, here: _End, goal: Pose, there: _End, task_start: np.ndarray, along_mean_paths: AlongMeanPaths
-    ) -> PoseQuery | Verdict:
-        for verdict in (self._offset_verdict("start", here), self._offset_verdict("goal", there)):
-            if not verdict.ok:
-                return verdict
+    ) -> PoseQuery | Refusal:
+        refusal = self._offset_refusal("start", here) or self._offset_refusal("goal", there)
+        if refusal is not None:
+            return refusal
         corrections, conformal, mean_paths = along_mean_paths
         offsets = self._offsets(here, there, corrections)
         graph = self._graph.transported(offsets, self._points, conformal)
@@ -233,7 +234,7 @@ class PoseQueryBuilder(TransportedQueryBuilder):
             graph=graph,
             field=self._graph.field(self._tensors, mean_paths, self._settings.ridge_strength),
             **self._costs(graph, here.node, there.node),
-            misfits=_misfits("start", here) | _misfits("goal", there),
+            misfits=Figures(**_misfits("start", here), **_misfits("goal", there)),
             task_start=task_start,
             task_goal=there.task_offset,
             along_mean_paths=along_mean_paths,
@@ -253,6 +254,6 @@ def _lengths(offset: np.ndarray) -> tuple[float, float]:
     return float(np.linalg.norm(offset[:3])), float(np.linalg.norm(offset[3:]))
 
 
-def _misfits(name: str, end: _End) -> Figures:
+def _misfits(name: str, end: _End) -> dict[str, Any]:
     names = (f"{name}_offset", f"{name}_offset_angle", f"{name}_beyond", f"{name}_beyond_angle")
     return dict(zip(names, end.sizes, strict=True))

@@ -17,6 +17,7 @@ from geodesic_motion_ros.obstacles.obstacles import Obstacles
 from geodesic_motion_ros.planning.path_timer import PathTimer, TimedPath
 from geodesic_motion_ros.planning.plan import ArmQuery, MotionState
 from geodesic_motion_ros.planning.search import BegunSearch, LatentPath
+from geodesic_motion_ros.planning.status import Refusal
 
 #: Two times [s] that differ by less are the same.
 TIME_ROUNDING = 1e-6
@@ -88,7 +89,7 @@ class Workings:
 
     begun: BegunSearch | None = None
     timed_from: tuple[ArmQuery, MotionState] | None = None
-    motions: dict[tuple[bytes, bool, float], TimedPath] = field(default_factory=dict)
+    motions: dict[tuple[bytes, bool, float], TimedPath | Refusal] = field(default_factory=dict)
 
     def copied(self) -> Workings:
         """The same, for one tick to go on with."""
@@ -101,7 +102,7 @@ class Workings:
 
     def timed(
         self, timer: PathTimer, query: ArmQuery, state: MotionState, path: LatentPath, to_goal: bool, longest: float
-    ) -> TimedPath:
+    ) -> TimedPath | Refusal:
         """Time a path once for a query and a state of motion (`PathTimer.timed`): an arm that waits finds the same
         paths each time.
         """

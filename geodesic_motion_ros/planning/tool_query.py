@@ -9,7 +9,7 @@ the tool's motion.
 from __future__ import annotations
 
 from copy import copy
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -28,7 +28,7 @@ from geodesic_motion_ros.planning.path_smoothing import correct_ends, resample_l
 from geodesic_motion_ros.planning.pose_query import Pose, PoseQuery, PoseQueryBuilder
 from geodesic_motion_ros.planning.posture import Posture, solve_beside, solve_nodes, solve_path, swivel_steps
 from geodesic_motion_ros.planning.settings import PlannerSettings
-from geodesic_motion_ros.planning.status import Figures, Verdict, VerdictCode
+from geodesic_motion_ros.planning.status import Figures, Refusal, VerdictCode
 from geodesic_motion_ros.planning.transported_query import edges_in_scene
 from geodesic_motion_ros.robot.collision_model import CollisionModel
 from geodesic_motion_ros.robot.inverse_kinematics import solve
@@ -84,20 +84,20 @@ class ToolQuery:
 
     @property
     def misfits(self) -> Figures:
-        """How far both ends are transported, under their names in a Verdict."""
+        """How far both ends are transported, under their names in `Figures`."""
         return self.poses.misfits
 
     def turned_to_base(self, covariances: np.ndarray) -> np.ndarray:
         """Covariances (m, 3, 3) of positions in the task frame, in the base frame."""
         return self.frame.covariances_to_base(covariances)
 
-    def configurations_along(self, latent: np.ndarray, start: np.ndarray) -> tuple[np.ndarray, str]:
-        """Configurations (m, eta) that hold a latent curve (m, d), the first of them near a configuration (eta,), and
-        where and why the arm cannot hold it, "" where it can.
+    def configurations_along(self, latent: np.ndarray, start: np.ndarray) -> np.ndarray | Refusal:
+        """Configurations (m, eta) that hold a latent curve (m, d), the first of them near a configuration (eta,); or
+        where and why the arm cannot hold it.
         """
         positions, quaternions, progress = _poses_along(self.decoded, self.poses, self.frame, latent)
         path = solve_beside(self.robot, positions, quaternions, start, self.posture, _tau(self.poses, progress))
-        return path.configurations, path.objection(self.robot)
+        return path.refusal(self.robot) or path.configurations
 
     @property
     def field(self) -> MetricField:
@@ -189,20 +189,19 @@ class ToolQueryBuilder:
         other._collision, other._links, other._settings = collision, LinkBounds.of(collision), settings
         return other
 
-    def rebuilt(self, query: ToolQuery) -> ToolQuery | Verdict:
+    def rebuilt(self, query: ToolQuery) -> ToolQuery | Refusal:
         """The query of a builder that guards other spheres, with the spheres of this one."""
         return self._in_posture(query.poses, query.frame, query.start, query.swivel)
 
-    def goal_by_pose(self, pose: Pose, frame: TaskFrame) -> ToolGoal | Verdict:
+    def goal_by_pose(self, pose: Pose, frame: TaskFrame) -> ToolGoal | Refusal:
         """A goal pose of the base frame, refused where it is too far from what was demonstrated.
 
         frame : where the frame that the skill was demonstrated in stands.
         """
         goal = ToolGoal(pose, frame)
-        verdict = self._poses.goal_verdict(goal.in_task)
-        return goal if verdict.ok else verdict
+        return self._poses.goal_refusal(goal.in_task) or goal
 
-    def goal_by_configuration(self, configuration: np.ndarray, frame: TaskFrame) -> ToolGoal | Verdict:
+    def goal_by_configuration(self, configuration: np.ndarray, frame: TaskFrame) -> ToolGoal | Refusal:
         """The pose of the tool in a configuration (eta,) [rad]; the posture at the goal follows from the start."""
         return self.goal_by_pose(self._pose(configuration), frame)
 
@@ -213,7 +212,7 @@ class ToolQueryBuilder:
         """The configuration (eta,) itself: nodes are held from where the arm is."""
         return configuration
 
-    def start_by_pose(self, pose: Pose, commanded: np.ndarray | None = None) -> np.ndarray | Verdict:
+    def start_by_pose(self, pose: Pose, commanded: np.ndarray | None = None) -> np.ndarray | Refusal:
         """The configuration (eta,) that holds the tool in a pose: the commanded one, where that does; else the one
         nearest to `ready`.
         """
@@ -222,19 +221,19 @@ class ToolQueryBuilder:
         try:
             return solve(self._robot, pose.position, pose.quaternion)
         except RobotError as error:
-            return Verdict(VerdictCode.START_OUT_OF_SUPPORT, str(error))
+            return Refusal(VerdictCode.START_OUT_OF_SUPPORT, str(error))
 
-    def build(self, start: np.ndarray, goal: ToolGoal) -> ToolQuery | Verdict:
+    def build(self, start: np.ndarray, goal: ToolGoal) -> ToolQuery | Refusal:
         """Carry the graph to a query that begins in a configuration (eta,), and hold it from there."""
         query = self._poses.build(_in_task(goal.frame, self._pose(start)), goal.in_task)
-        return query if isinstance(query, Verdict) else self._for_arm(query, goal.frame, start)
+        return query if isinstance(query, Refusal) else self._for_arm(query, goal.frame, start)
 
     def redirected(
         self, query: ToolQuery, start: np.ndarray, latent: np.ndarray, goal: ToolGoal
-    ) -> ToolQuery | Verdict | None:
+    ) -> ToolQuery | Refusal | None:
         """As `PoseQueryBuilder.redirected`: on from a configuration on the path of an older query."""
         poses = self._poses.redirected(query.poses, _in_task(goal.frame, self._pose(start)), latent, goal.in_task)
-        return poses if poses is None or isinstance(poses, Verdict) else self._for_arm(poses, goal.frame, start)
+        return poses if poses is None or isinstance(poses, Refusal) else self._for_arm(poses, goal.frame, start)
 
     def _pose(self, configuration: np.ndarray) -> Pose:
         return Pose(*self._robot.forward(configuration))
@@ -250,30 +249,30 @@ class ToolQueryBuilder:
         assert isinstance(found, ToolQuery)
         return found
 
-    def _for_arm(self, query: PoseQuery, frame: TaskFrame, start: np.ndarray, first: int = 0) -> ToolQuery | Verdict:
+    def _for_arm(self, query: PoseQuery, frame: TaskFrame, start: np.ndarray, first: int = 0) -> ToolQuery | Refusal:
         """A query of poses for the arm in a configuration (eta,) at its start, with the first swivel from a number on
         with which it can hold the base path; or why it cannot with that one.
         """
-        refusal: Verdict | None = None
+        refusal: Refusal | None = None
         for swivel in range(first, len(constants.SWIVELS)):
             found = self._in_posture(query, frame, start, swivel)
             if isinstance(found, ToolQuery):
                 return found
             refusal = refusal or found
-        return refusal or Verdict(VerdictCode.NO_FEASIBLE_PATH, "no other posture is left", **query.misfits)
+        return refusal or Refusal(VerdictCode.NO_FEASIBLE_PATH, "no other posture is left", query.misfits)
 
-    def _in_posture(self, query: PoseQuery, frame: TaskFrame, start: np.ndarray, swivel: int) -> ToolQuery | Verdict:
+    def _in_posture(self, query: PoseQuery, frame: TaskFrame, start: np.ndarray, swivel: int) -> ToolQuery | Refusal:
         """A query of poses with the arm in the posture that follows from a configuration (eta,) and a swivel."""
         source = self._graph.node_near(query.start_latent, np.isfinite(query.to_goal), 3)
         if source is None:
             reason = "the start is connected to no part of what was demonstrated"
-            return Verdict(VerdictCode.START_OUT_OF_SUPPORT, reason, **query.misfits)
+            return Refusal(VerdictCode.START_OUT_OF_SUPPORT, reason, query.misfits)
         nodes, _, _ = shortest_free_path(
             self._graph.adjacency, query.graph.base, query.to_goal, source, query.goal_node
         )
         posture = self._posture(query, frame, nodes, start, swivel)
-        if isinstance(posture, str):
-            return Verdict(VerdictCode.NO_FEASIBLE_PATH, posture, **query.misfits)
+        if isinstance(posture, Refusal):
+            return replace(posture, figures=query.misfits)
         graph = query.graph
         tau = _tau(query, self._graph.progress)
         positions, quaternions = frame.to_base(graph.positions, graph.quaternions)
@@ -299,7 +298,7 @@ class ToolQueryBuilder:
 
     def _posture(
         self, query: PoseQuery, frame: TaskFrame, nodes: np.ndarray, start: np.ndarray, swivel: int
-    ) -> Posture | str:
+    ) -> Posture | Refusal:
         """The posture along the base path, or where and why the arm cannot hold it."""
         polyline = np.concatenate([query.start_latent[None], self._graph.latent[nodes[1:]]])
         latent = smooth_latent(resample_latent(polyline, self._step), constants.BASE_PATH_SMOOTHING)
@@ -309,4 +308,4 @@ class ToolQueryBuilder:
         tau = np.maximum.accumulate(_tau(query, progress))
         steps = swivel_steps(constants.SWIVELS[swivel], len(tau))
         path = solve_path(self._robot, positions, quaternions, start, steps)
-        return path.objection(self._robot) or Posture(tau, path.configurations, path.nulls)
+        return path.refusal(self._robot) or Posture(tau, path.configurations, path.nulls)

@@ -42,7 +42,7 @@ class TransportedQuery:
     offsets, graph : by how much the decoded graph was moved, and the result. field : the metric between the nodes.
     to_goal, from_start : (n,) obstacle-free cost to the goal's node, and from the start's: the search's heuristics.
     cost_limit : paths that cost more count as blocked.
-    misfits : the endpoint errors, how far both ends are moved, under their names in a Verdict.
+    misfits : the endpoint errors, how far both ends are moved, under their names in `Figures`.
     task_start, task_goal : (k,) offsets of the task's start and goal from the demonstrated means, wherever on the path
         the query begins.
     along_mean_paths : corrections and conformal factors for these offsets.
