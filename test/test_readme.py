@@ -42,7 +42,8 @@ def test_the_python_of_the_tour_runs_and_finds_a_path(code, capsys):
     scope: dict[str, object] = {}
     exec(code, scope)
     assert capsys.readouterr().out.startswith("OK clearance")
-    assert scope["plan"].verdict.clearance < 0.1, "the obstacle of the tour is far from the path: it shows nothing"
+    clearance = scope["plan"].verdict.figures.clearance
+    assert clearance < 0.1, "the obstacle of the tour is far from the path: it shows nothing"
 
 
 @pytest.mark.parametrize("page", sorted(PAGES), ids=lambda page: str(page.relative_to(REPOSITORY)))

@@ -8,7 +8,7 @@ import numpy as np
 
 from geodesic_motion_ros.nodes.deviation import joints_moved
 from geodesic_motion_ros.nodes.input_faults import Halt
-from geodesic_motion_ros.planning.status import Verdict, VerdictCode
+from geodesic_motion_ros.planning.status import Refusal, VerdictCode
 
 #: An arm that was lost rests when it has stayed this long [s] near one place.
 REST_TIME = 0.5
@@ -20,7 +20,7 @@ class Unsettled:
     configuration (eta,) [rad].
     """
 
-    verdict: Verdict
+    refusal: Refusal
     near: np.ndarray
     rested: float = 0.0
 
@@ -55,11 +55,11 @@ class ArmWatch:
         """It stands where it is commanded to stand from now on."""
         self.lost, self.missing, self.jump = None, False, 0.0
 
-    def unrest(self, measured: np.ndarray, passed: float) -> Verdict | None:
+    def unrest(self, measured: np.ndarray, passed: float) -> Refusal | None:
         """Why a lost arm that is measured again after a time [s] is not commanded; None once it has rested."""
         assert self.lost is not None
         self.lost = self.lost.measured_again(measured, passed)
-        return None if self.lost.rests else self.lost.verdict
+        return None if self.lost.rests else self.lost.refusal
 
     def lose(self, measured: np.ndarray, deviation: tuple[str, str] | None) -> Halt | None:
         """Why what is commanded is no longer to be trusted: the arm is lost then. None while it follows.
@@ -79,6 +79,6 @@ class ArmWatch:
         else:
             return None
         reason = f"{cause}: nothing is commanded until the arm has rested for {REST_TIME:g} s"
-        halt = Halt(Verdict(VerdictCode.BAD_INPUT, reason), dropping)
-        self.lost = Unsettled(halt.verdict, measured)
+        halt = Halt(Refusal(VerdictCode.BAD_INPUT, reason), dropping)
+        self.lost = Unsettled(halt.refusal, measured)
         return halt

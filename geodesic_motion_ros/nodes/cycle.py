@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from geodesic_motion_ros.obstacles.tracker import ObstacleSet
-from geodesic_motion_ros.planning.status import Verdict, VerdictCode
+from geodesic_motion_ros.planning.status import Refusal, Verdict, VerdictCode
 from geodesic_motion_ros.robot.held_objects import HeldObject
 from geodesic_motion_ros.trajectory.trajectory import JointReference
 
@@ -25,8 +25,7 @@ class CycleInputs:
     measured : the configuration (eta,) [rad] of the newest joint state; None before the first.
     state_age : [s] since that joint state was taken.
     state_fault : what is wrong with the newest joint states; "" where nothing is.
-    goal : the newest requested goal, a pose or a configuration, or the verdict with which its message was refused; None
-        before the first.
+    goal : the newest requested goal, a pose or a configuration, or the refusal of its message; None before the first.
     goal_number : grows with every requested goal.
     obstacles : those that exist now.
     silent_sources : obstacle topics that have fallen silent, with for how long [s]; empty where that does
@@ -49,7 +48,7 @@ class CycleInputs:
 
     measured: np.ndarray | None
     state_age: float
-    goal: Pose | np.ndarray | Verdict | None
+    goal: Pose | np.ndarray | Refusal | None
     goal_number: int
     obstacles: ObstacleSet
     silent_sources: dict[str, float] = field(default_factory=dict)

@@ -15,6 +15,7 @@ from rclpy.node import Node
 from rclpy.time import Time as RosTime
 
 from geodesic_motion_ros.nodes.messages import FrameLookup, FramePose
+from geodesic_motion_ros.planning.status import Refusal, VerdictCode
 
 
 class TransformBuffer(Protocol):
@@ -34,14 +35,14 @@ class BufferedFrames:
         """unknown : what the buffer raises where it has no transform. filled_by : who must live as long."""
         self._buffer, self._unknown, self._filled_by = buffer, unknown, filled_by
 
-    def __call__(self, target: str, source: str, stamp: Time) -> FramePose | str:
+    def __call__(self, target: str, source: str, stamp: Time) -> FramePose | Refusal:
         if stamp.sec < 0:
-            return f"its stamp, {stamp.sec} s, is negative"
+            return Refusal(VerdictCode.BAD_INPUT, f"its stamp, {stamp.sec} s, is negative")
         try:
             at = RosTime(seconds=stamp.sec, nanoseconds=stamp.nanosec, clock_type=ClockType.ROS_TIME)
             found = self._buffer.lookup_transform(target, source, at).transform
         except self._unknown as error:
-            return f"tf2 has no transform of it at its stamp: {error}"
+            return Refusal(VerdictCode.BAD_INPUT, f"tf2 has no transform of it at its stamp: {error}")
         position, rotation = found.translation, found.rotation
         return (
             np.array([position.x, position.y, position.z]),
@@ -63,6 +64,6 @@ def frames_of(node: Node) -> FrameLookup:
     return BufferedFrames(buffer, tf2_ros.TransformException, listener, jumps)
 
 
-def no_tf2(target: str, source: str, stamp: Time) -> str:
+def no_tf2(target: str, source: str, stamp: Time) -> Refusal:
     """The lookup of a machine without tf2."""
-    return "tf2_ros, which would transform it, is not installed"
+    return Refusal(VerdictCode.BAD_INPUT, "tf2_ros, which would transform it, is not installed")

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from geodesic_motion_ros.nodes.cycle import CycleInputs
-from geodesic_motion_ros.planning.status import Verdict, VerdictCode
+from geodesic_motion_ros.planning.status import Refusal, Verdict, VerdictCode
 
 #: What is reported where a simulated clock is to be followed and there is none.
 NO_CLOCK = "use_sim_time is set, and nothing has been received on /clock"
@@ -15,7 +15,7 @@ NO_CLOCK = "use_sim_time is set, and nothing has been received on /clock"
 class Halt:
     """Why nothing is planned in a cycle, and why the goal is dropped besides; "" where it stays."""
 
-    verdict: Verdict
+    refusal: Refusal
     dropping: str = ""
 
 
@@ -28,16 +28,16 @@ def stale_state(
     after `resume_timeout` [s] the goal is dropped.
     """
     if not inputs.has_clock:
-        return Halt(Verdict(VerdictCode.STALE_STATE, NO_CLOCK))
+        return Halt(Refusal(VerdictCode.STALE_STATE, NO_CLOCK))
     fault = inputs.state_fault
     if inputs.measured is None:
-        return Halt(Verdict(VerdictCode.STALE_STATE, f"{state_topic}: {fault or 'none has arrived yet'}"))
+        return Halt(Refusal(VerdictCode.STALE_STATE, f"{state_topic}: {fault or 'none has arrived yet'}"))
     if inputs.state_age <= state_timeout:
         return None
     missing = f"joint_states were missing for more than {resume_timeout:g} s"
     reason = f"{state_topic}: the newest state is older than state_timeout, {state_timeout:g} s"
-    verdict = Verdict(VerdictCode.STALE_STATE, f"{reason}; {fault}" if fault else reason)
-    return Halt(verdict, missing if inputs.state_age > resume_timeout else "")
+    refusal = Refusal(VerdictCode.STALE_STATE, f"{reason}; {fault}" if fault else reason)
+    return Halt(refusal, missing if inputs.state_age > resume_timeout else "")
 
 
 def rivals(inputs: CycleInputs, command_topic: str) -> Halt | None:
@@ -45,11 +45,11 @@ def rivals(inputs: CycleInputs, command_topic: str) -> Halt | None:
     if len(inputs.publishers) <= 1:
         return None
     names = " and ".join(inputs.publishers)
-    verdict = Verdict(VerdictCode.CONFLICT, f"{command_topic} is published by {names}: only one may command the arm")
-    return Halt(verdict, f"{command_topic} had more than one publisher, {names}")
+    refusal = Refusal(VerdictCode.CONFLICT, f"{command_topic} is published by {names}: only one may command the arm")
+    return Halt(refusal, f"{command_topic} had more than one publisher, {names}")
 
 
-def readiness(inputs: CycleInputs, command_topic: str, uncounted: str, without_goal: Verdict | None) -> Verdict:
+def readiness(inputs: CycleInputs, command_topic: str, uncounted: str, without_goal: Refusal | None) -> Verdict:
     """OK when a plan may be requested of an arm that is known and nobody else's; the reason otherwise, the gravest
     first.
 
@@ -57,23 +57,23 @@ def readiness(inputs: CycleInputs, command_topic: str, uncounted: str, without_g
     where there is one.
     """
     if inputs.hold:
-        return Verdict(VerdictCode.HOLD_REQUESTED, "a hold was requested; release it with ~/hold false")
+        return Refusal(VerdictCode.HOLD_REQUESTED, "a hold was requested; release it with ~/hold false")
     if inputs.other_arm:
-        return Verdict(VerdictCode.BAD_INPUT, inputs.other_arm)
+        return Refusal(VerdictCode.BAD_INPUT, inputs.other_arm)
     if inputs.held_refused:
         reason = f"it is not known what the hand holds: {inputs.held_refused}; send what it holds on ~/held_objects"
-        return Verdict(VerdictCode.BAD_INPUT, reason)
+        return Refusal(VerdictCode.BAD_INPUT, reason)
     if uncounted:
-        return Verdict(VerdictCode.BAD_INPUT, uncounted)
+        return Refusal(VerdictCode.BAD_INPUT, uncounted)
     stale = _stale_obstacles(inputs)
     if stale:
-        return Verdict(VerdictCode.STALE_OBSTACLES, stale)
+        return Refusal(VerdictCode.STALE_OBSTACLES, stale)
     if without_goal is not None:
         return without_goal
     if inputs.subscribers == ():
         reason = f"no node receives {command_topic}: start the controller of the arm, or remap the topic"
-        return Verdict(VerdictCode.BAD_INPUT, reason)
-    return Verdict(VerdictCode.OK)
+        return Refusal(VerdictCode.BAD_INPUT, reason)
+    return Verdict()
 
 
 def _stale_obstacles(inputs: CycleInputs) -> str:

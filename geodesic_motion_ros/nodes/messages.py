@@ -25,6 +25,7 @@ from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from geodesic_motion_ros.geometry.quaternions import normalise
 from geodesic_motion_ros.geometry.task_frame import TaskFrame
+from geodesic_motion_ros.planning.status import Refusal, VerdictCode
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.simulation.trajectory_player import JointWaypoints
 from geodesic_motion_ros.utils.checked_numbers import LARGEST_NUMBER
@@ -55,12 +56,12 @@ FramePose = tuple[np.ndarray, np.ndarray]
 class FrameLookup(Protocol):
     """Tells where a source frame stands in a target frame at a time, of stamp 0 the newest; or why it cannot."""
 
-    def __call__(self, target: str, source: str, stamp: Time) -> FramePose | str: ...
+    def __call__(self, target: str, source: str, stamp: Time) -> FramePose | Refusal: ...
 
 
-def base_only(target: str, source: str, stamp: Time) -> str:
+def base_only(target: str, source: str, stamp: Time) -> Refusal:
     """The lookup of who takes messages in the base frame only."""
-    return "nothing is transformed here"
+    return Refusal(VerdictCode.BAD_INPUT, "nothing is transformed here")
 
 
 def frame_of(header: Header, base_frame: str, lookup: FrameLookup) -> TaskFrame:
@@ -69,8 +70,8 @@ def frame_of(header: Header, base_frame: str, lookup: FrameLookup) -> TaskFrame:
     if name == base_frame:
         return _BASE
     found = lookup(base_frame, name, header.stamp)
-    if isinstance(found, str):
-        raise MessageRefused(f"frame '{header.frame_id}' is unknown here: send it in '{base_frame}' ({found})")
+    if isinstance(found, Refusal):
+        raise MessageRefused(f"frame '{header.frame_id}' is unknown here: send it in '{base_frame}' ({found.reason})")
     origin, quaternion = found
     norm = float(np.linalg.norm(quaternion))
     if not (np.all(np.isfinite(origin)) and 0.9 < norm < 1.1):

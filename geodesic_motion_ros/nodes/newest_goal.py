@@ -9,7 +9,7 @@ from typing import Generic
 from geodesic_motion_ros.nodes.cycle import CycleInputs
 from geodesic_motion_ros.nodes.input_faults import Halt
 from geodesic_motion_ros.nodes.preparation import Preparation, Prepared
-from geodesic_motion_ros.planning.status import Verdict, VerdictCode
+from geodesic_motion_ros.planning.status import Refusal, Verdict, VerdictCode
 
 #: What is reported of a goal while it is being prepared.
 PREPARING = "the newest goal is being prepared"
@@ -32,14 +32,14 @@ class NewestGoal(Generic[Prepared]):
 
     def __init__(
         self,
-        take: Callable[[Prepared | Verdict], Verdict],
+        take: Callable[[Prepared | Refusal], Verdict],
         clear: Callable[[], None],
         background: Executor | None,
     ) -> None:
         self._take, self._clear = take, clear
-        self._preparation: Preparation[Prepared | Verdict] = Preparation(background)
+        self._preparation: Preparation[Prepared | Refusal] = Preparation(background)
         self.number = 0
-        self.verdict = Verdict(VerdictCode.NO_GOAL, "no goal has been given")
+        self.verdict: Verdict = Refusal(VerdictCode.NO_GOAL, "no goal has been given")
         self.is_set = False
         self._is_refused = False  # whether the message of the newest one was
 
@@ -48,7 +48,7 @@ class NewestGoal(Generic[Prepared]):
         """Whether no goal is being prepared."""
         return not self._preparation.busy
 
-    def hear(self, inputs: CycleInputs, preparing: Callable[[], Callable[[], Prepared | Verdict]]) -> None:
+    def hear(self, inputs: CycleInputs, preparing: Callable[[], Callable[[], Prepared | Refusal]]) -> None:
         """Have the goal of the inputs prepared where it is new.
 
         preparing : makes what prepares it, or finds why it is refused; any thread may run that.
@@ -56,13 +56,13 @@ class NewestGoal(Generic[Prepared]):
         if inputs.goal is None or inputs.goal_number == self.number:
             return
         self.number, self._is_refused = inputs.goal_number, False
-        if isinstance(inputs.goal, Verdict):
+        if isinstance(inputs.goal, Refusal):
             self.verdict, self._is_refused = inputs.goal, True
         else:
             self.prepare(preparing())
-            self.verdict = Verdict(VerdictCode.NO_GOAL, PREPARING)
+            self.verdict = Refusal(VerdictCode.NO_GOAL, PREPARING)
 
-    def prepare(self, prepare: Callable[[], Prepared | Verdict]) -> None:
+    def prepare(self, prepare: Callable[[], Prepared | Refusal]) -> None:
         """Have a goal prepared in the place of any other that is."""
         self._preparation.ask(prepare)
 
@@ -71,7 +71,7 @@ class NewestGoal(Generic[Prepared]):
         try:
             prepared = self._preparation.take_settled()
         except Exception:
-            self.verdict = Verdict(VerdictCode.BAD_INPUT, "internal error while it was prepared, see the log")
+            self.verdict = Refusal(VerdictCode.BAD_INPUT, "internal error while it was prepared, see the log")
             raise
         if prepared is None:
             return
@@ -81,18 +81,18 @@ class NewestGoal(Generic[Prepared]):
         if self.is_prepared and not self._is_refused:
             self.verdict = verdict
 
-    def heed(self, halt: Halt | None) -> Verdict | None:
-        """The verdict of a halt, if any; no goal any more where it drops that."""
+    def heed(self, halt: Halt | None) -> Refusal | None:
+        """The refusal of a halt, if any; no goal any more where it drops that."""
         if halt is None:
             return None
         if halt.dropping:
             self.drop(halt.dropping)
-        return halt.verdict
+        return halt.refusal
 
     def drop(self, why: str) -> None:
         """Forget the goal: where something unexpected has happened, an arm must not set out again by itself."""
         if self.is_set or not self.is_prepared:
             self.is_set = False
-            self.verdict = Verdict(VerdictCode.NO_GOAL, f"goal dropped: {why}; send the goal again")
+            self.verdict = Refusal(VerdictCode.NO_GOAL, f"goal dropped: {why}; send the goal again")
             self._preparation.forget()
             self._clear()

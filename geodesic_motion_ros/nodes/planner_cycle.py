@@ -33,7 +33,7 @@ from geodesic_motion_ros.planning.guarded_arm import PreparedArm
 from geodesic_motion_ros.planning.mission import PreparedGoal
 from geodesic_motion_ros.planning.plan import Plan
 from geodesic_motion_ros.planning.planner import ReactivePlanner
-from geodesic_motion_ros.planning.status import Verdict, VerdictCode
+from geodesic_motion_ros.planning.status import Refusal, Verdict, VerdictCode
 from geodesic_motion_ros.planning.tracking import COUNTED, TrackingMonitor
 from geodesic_motion_ros.robot.held_objects import HeldObject
 from geodesic_motion_ros.trajectory.receding_horizon import Horizon
@@ -114,13 +114,13 @@ class PlannerCycle:
         self._standing: Plan | None = None
         self._tracking = TrackingMonitor(planner.robot, planner.collision)
         self._task_frame: Pose | None = None
-        self._frame_verdict = Verdict(VerdictCode.OK)
+        self._frame_verdict = Verdict()
         # Whether the goal that is being prepared is the old one, in a task frame that has moved.
         self._again = False
         # Settings that are to change, by name; any thread may replace them.
         self.changes: Mapping[str, float | None] = {}
         # What the hand is to hold, and settings, prepared as goals are; None: that is to be prepared once more.
-        self._arms: Preparation[PreparedArm | Verdict] = Preparation(background)
+        self._arms: Preparation[PreparedArm | Refusal] = Preparation(background)
         self._held: tuple[HeldObject, ...] | None = ()
         self._changes = self.changes
         # Where objects that were released have been left, by name, as long as the arm has not left them.
@@ -155,7 +155,7 @@ class PlannerCycle:
         braking = self._horizon.overrun(inputs.now + self.planner.settings.latency)
         if braking is not None:
             reason = f"no cycle for {self._horizon.length:g} s: the arm came to rest by itself"
-            self.planner.braked(braking.reference, braking.begin, Verdict(VerdictCode.DEADLINE_MISSED, reason))
+            self.planner.braked(braking.reference, braking.begin, Refusal(VerdictCode.DEADLINE_MISSED, reason))
             self._horizon.forget()
         self._take_arm(inputs)
         self._released = self._not_left(inputs)
@@ -238,7 +238,7 @@ class PlannerCycle:
             if is_near(place) or (_overlapping(own := _own(inputs, name), place) and is_near(own))
         }
 
-    def stop(self, verdict: Verdict) -> CycleOutput:
+    def stop(self, verdict: Refusal) -> CycleOutput:
         """The end of a cycle that failed, in `run` or before: come to rest, and say why."""
         return self._output(self.planner.stop(self._now, verdict, self._handover_deadline()))
 
@@ -305,15 +305,15 @@ class PlannerCycle:
         if not self._goals_wait:
             self._goal.take_prepared()
 
-    def _preparing(self, inputs: CycleInputs) -> Callable[[], PreparedGoal | Verdict]:
+    def _preparing(self, inputs: CycleInputs) -> Callable[[], PreparedGoal | Refusal]:
         self._again = False
         if isinstance(inputs.goal, np.ndarray):
             return partial(self.planner.prepared_configuration, inputs.goal)
         return partial(self.planner.prepared_goal, *inputs.goal, inputs.goal_in_task_frame)
 
-    def _take_prepared(self, prepared: PreparedGoal | Verdict) -> Verdict:
+    def _take_prepared(self, prepared: PreparedGoal | Refusal) -> Verdict:
         """Plan to a prepared goal from now on; a refused one leaves the goal before."""
-        if self._again and isinstance(prepared, Verdict):
+        if self._again and isinstance(prepared, Refusal):
             self._goal.is_set = False
             self.planner.clear_goal()
         self._astray_at = None
@@ -324,7 +324,7 @@ class PlannerCycle:
 
     def _take_obstacles(self, inputs: CycleInputs) -> Verdict:
         if inputs.obstacles.version == self._obstacles_version:
-            return Verdict(VerdictCode.OK)
+            return Verdict()
         # Trajectories are stamped with another clock than they are heard by.
         longest = self.planner.settings.prediction
         verdict = self.planner.take_obstacles(inputs.obstacles.moved_on(inputs.heard, longest, inputs.now))
@@ -341,7 +341,7 @@ class PlannerCycle:
             self._again = True
             self._goal.prepare(self.planner.prepared_again)
 
-    def _take_state(self, inputs: CycleInputs) -> Verdict | None:
+    def _take_state(self, inputs: CycleInputs) -> Refusal | None:
         """Go by where the arm was measured; why that is not possible, None where it is."""
         stale = stale_state(inputs, self.state_topic, self.state_timeout, self.resume_timeout)
         if stale is None:
@@ -374,7 +374,7 @@ class PlannerCycle:
             return pose_deviation(robot.forward(measured), robot.forward(commanded[0]), *self.tool_tolerance)
         return joint_deviation(measured, commanded[0], robot.joint_names, self.tracking_tolerance)
 
-    def _follow_measured(self, inputs: CycleInputs) -> Verdict | None:
+    def _follow_measured(self, inputs: CycleInputs) -> Refusal | None:
         """Begin at the measured place, and again where an arm that was lost has come to rest; why nothing is planned,
         None where it may be.
 
@@ -386,10 +386,10 @@ class PlannerCycle:
             self._ages.popleft()
         measured = inputs.measured
         assert measured is not None  # it is not stale
-        verdict = self._found(inputs, measured)
-        if verdict is not None or self._command_topic == "joint_trajectory":
+        refusal = self._found(inputs, measured)
+        if refusal is not None or self._command_topic == "joint_trajectory":
             self._astray = None
-            return verdict
+            return refusal
         if self._astray is None:
             commanded = self.planner.commanded(inputs.now - inputs.state_age)
             assert commanded is not None  # otherwise the arm would just have begun
@@ -399,16 +399,16 @@ class PlannerCycle:
                 return None
             tool = self.planner.robot.forward(measured)[0]
             stray = self._stray(tool, *deviation)
-            self._astray, self._astray_at = Unsettled(stray.verdict, measured), tool
+            self._astray, self._astray_at = Unsettled(stray.refusal, measured), tool
             return self._goal.heed(stray)
         self._astray = self._astray.measured_again(measured, self._time.step)
         if not self._astray.rests:
-            return self._astray.verdict
+            return self._astray.refusal
         self._begin_at(measured, inputs.now)
         self._astray = None
         return None
 
-    def _found(self, inputs: CycleInputs, measured: np.ndarray) -> Verdict | None:
+    def _found(self, inputs: CycleInputs, measured: np.ndarray) -> Refusal | None:
         """Why the arm is not to be commanded where it was found; None where it may be."""
         if not self._stood:
             self._begin_at(measured, inputs.now)
@@ -437,8 +437,8 @@ class PlannerCycle:
         reason = f"the arm was {where} from target_posture (allowed by tracking_tolerance_joint: {limit})"
         if before is not None and np.linalg.norm(tool - before) < _NO_PROGRESS:
             reason = f"the controller does not follow the posture: {reason}"
-            return Halt(Verdict(VerdictCode.BAD_INPUT, reason), reason)
-        return Halt(Verdict(VerdictCode.BAD_INPUT, f"{reason}: it stops, and plans again from where it rests"))
+            return Halt(Refusal(VerdictCode.BAD_INPUT, reason), reason)
+        return Halt(Refusal(VerdictCode.BAD_INPUT, f"{reason}: it stops, and plans again from where it rests"))
 
 
 def _labels(names: Sequence[str]) -> list[str]:

@@ -24,7 +24,7 @@ from geodesic_motion_ros.nodes.planner_outputs import PlannerOutputs
 from geodesic_motion_ros.nodes.running import STEADY, LoopingNode
 from geodesic_motion_ros.nodes.steady_loop import SteadyLoop
 from geodesic_motion_ros.nodes.view_thread import ViewThread
-from geodesic_motion_ros.planning.status import Verdict, VerdictCode
+from geodesic_motion_ros.planning.status import Refusal, Verdict, VerdictCode
 from geodesic_motion_ros.robot.held_objects import HeldObject
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.skill.skill import Skill
@@ -120,7 +120,7 @@ class PlannerFace:
     # ------------------------------------------------------------ control loop
 
     def cycle(
-        self, run: Callable[[CycleInputs, float], CycleOutput], stop: Callable[[Verdict], CycleOutput]
+        self, run: Callable[[CycleInputs, float], CycleOutput], stop: Callable[[Refusal], CycleOutput]
     ) -> tuple[CycleInputs | None, CycleOutput]:
         """Run a cycle on what is known now; returns both, None where nothing was ever known.
 
@@ -135,7 +135,7 @@ class PlannerFace:
             return inputs, run(inputs, self._period)
         except Exception as error:  # a fault in the planner must stop the arm, not the node
             self._log.error("".join(traceback.format_exception(error)), throttle_duration_sec=1.0)
-            return inputs, stop(Verdict(VerdictCode.BAD_INPUT, f"internal error, see the log: {error!r}"))
+            return inputs, stop(Refusal(VerdictCode.BAD_INPUT, f"internal error, see the log: {error!r}"))
 
     def tell(
         self,
@@ -223,7 +223,7 @@ class PlannerFace:
             path = None if output.reference is None else output.reference.latent
             obstacles = inputs.obstacles.moved_on(inputs.heard, 0.0, inputs.now)
             verdict = output.verdict
-            self.outputs.view(view.render(obstacles, path, verdict.code.name, verdict.displacement > 0.0))
+            self.outputs.view(view.render(obstacles, path, verdict.code.name, verdict.figures.displacement > 0.0))
 
         self._draw("~/latent_view", draw, lambda: self.outputs.view_is_watched, rate)
 
@@ -282,7 +282,7 @@ class PlannerFace:
                 *(_request_pose(request, end, frame, self.inputs.frames) for end in ("start", "goal"))
             )
         except MessageRefused as error:
-            verdict = Verdict(VerdictCode.BAD_INPUT, str(error))
+            verdict = Refusal(VerdictCode.BAD_INPUT, str(error))
         self._newest_plan = verdict.sentence
         if poses is None:
             self._log.warning(f"no plan: {verdict.sentence}")

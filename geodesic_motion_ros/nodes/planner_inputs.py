@@ -41,7 +41,7 @@ from geodesic_motion_ros.nodes.parameters import NodeParameters
 from geodesic_motion_ros.nodes.publishers import LATCHED
 from geodesic_motion_ros.nodes.refusals import Refusals
 from geodesic_motion_ros.obstacles.tracker import Key, ObstacleTracker
-from geodesic_motion_ros.planning.status import Verdict, VerdictCode
+from geodesic_motion_ros.planning.status import Refusal, VerdictCode
 from geodesic_motion_ros.robot.held_objects import HeldObject
 from geodesic_motion_ros.robot.kinematics import Robot
 
@@ -92,7 +92,7 @@ class PlannerInputs:
         self._tracker = ObstacleTracker([topic for topic in parameters["required_obstacle_topics"] if topic])
         self._described = DescribedArm(robot, skill_robot, node.resolve_topic_name("robot_description"))
         self.arm = ArmState(robot, self.refusals, parameters["joint_prefix"])
-        self._goal: tuple[np.ndarray, np.ndarray] | np.ndarray | Verdict | None = None
+        self._goal: tuple[np.ndarray, np.ndarray] | np.ndarray | Refusal | None = None
         self._goal_number = 0
         self._goal_in_task_frame = False
         origin = np.array(parameters["task_frame"])
@@ -289,23 +289,23 @@ class PlannerInputs:
     def _on_goal(self, message: PoseStamped) -> None:
         in_task_frame = message.header.frame_id == TASK_FRAME
         try:
-            goal: tuple[np.ndarray, np.ndarray] | Verdict = read_pose(
+            goal: tuple[np.ndarray, np.ndarray] | Refusal = read_pose(
                 message, TASK_FRAME if in_task_frame else self._frame, self.frames
             )
         except MessageRefused as error:
-            self._set_goal(Verdict(VerdictCode.BAD_INPUT, f"goal_pose: {error}"), False)
+            self._set_goal(Refusal(VerdictCode.BAD_INPUT, f"goal_pose: {error}"), False)
             raise
         self._set_goal(goal, in_task_frame)
 
     def _on_goal_joints(self, message: JointState) -> None:
         try:
-            goal: np.ndarray | Verdict = read_joint_positions(message, self._robot.joint_names)
+            goal: np.ndarray | Refusal = read_joint_positions(message, self._robot.joint_names)
         except MessageRefused as error:
-            self._set_goal(Verdict(VerdictCode.BAD_INPUT, f"goal_joints: {error}"), False)
+            self._set_goal(Refusal(VerdictCode.BAD_INPUT, f"goal_joints: {error}"), False)
             raise
         self._set_goal(goal, False)
 
-    def _set_goal(self, goal: tuple[np.ndarray, np.ndarray] | np.ndarray | Verdict, in_task_frame: bool) -> None:
+    def _set_goal(self, goal: tuple[np.ndarray, np.ndarray] | np.ndarray | Refusal, in_task_frame: bool) -> None:
         with self._lock:
             self._goal, self._goal_in_task_frame = goal, in_task_frame
             self._goal_number += 1

@@ -133,7 +133,7 @@ class PlannerNode(LoopingNode):
         if output.configuration is not None:
             held, tool = self.planner.held, TaskFrame(*self.planner.robot.forward(output.configuration))
             body = self._body(output.configuration)
-        is_detour = output.verdict.displacement > 0.0
+        is_detour = output.verdict.figures.displacement > 0.0
         self.outputs.markers(path, is_detour, inputs.obstacles, self.planner.scene, body, held, tool)
 
     def _body(self, configuration: np.ndarray) -> np.ndarray:

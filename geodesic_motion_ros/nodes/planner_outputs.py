@@ -168,7 +168,7 @@ class PlannerOutputs:
         plan : the newest answer of the service `plan`, `CODE: reason`; empty before the first.
         held : the objects in the hand that are counted.
         """
-        verdict, newest = output.verdict, refusals.newest(within=1.0)
+        verdict, path, newest = output.verdict, output.verdict.figures, refusals.newest(within=1.0)
         level, message = _LEVELS.get(verdict.code, DiagnosticStatus.ERROR), verdict.sentence
         if output.goal_refused and output.goal_verdict.sentence != message:
             message += f"; newest goal refused: {output.goal_verdict.sentence}"
@@ -180,17 +180,17 @@ class PlannerOutputs:
             "mode": output.mode,
             "guarded": self._guarded,
             "holding": ", ".join(one.name for one in held),
-            "clearance": verdict.clearance,
+            "clearance": path.clearance,
             **figures,
-            "energy_per_edge": verdict.energy_per_edge,
-            "cost_gap": verdict.cost_gap,
-            "in_support": verdict.in_support,
-            "detour_mm": 1e3 * verdict.displacement,
-            "swivel_rad": verdict.swivel,
-            "deviation": verdict.deviation,
-            "goal_covered": verdict.goal_covered,
-            "goal_distance": verdict.goal_distance,
-            **{name: getattr(verdict, name) for name in _END_FIGURES},
+            "energy_per_edge": path.energy_per_edge,
+            "cost_gap": path.cost_gap,
+            "in_support": path.in_support,
+            "detour_mm": 1e3 * path.displacement,
+            "swivel_rad": path.swivel,
+            "deviation": path.deviation,
+            "goal_covered": path.goal_covered,
+            "goal_distance": path.goal_distance,
+            **{name: getattr(path, name) for name in _END_FIGURES},
             "goal_number": goal_number,
             "goal_code": output.goal_verdict.code.name,
             "goal_reason": output.goal_verdict.reason,

@@ -18,7 +18,7 @@ from geodesic_motion_ros.nodes.input_faults import readiness, rivals, stale_stat
 from geodesic_motion_ros.nodes.newest_goal import NewestGoal
 from geodesic_motion_ros.paper.paper_planner import CAUTION, PaperGoal, PaperPlanner
 from geodesic_motion_ros.paper.streams import PoseStream, TrajectoryStream
-from geodesic_motion_ros.planning.status import Verdict, VerdictCode
+from geodesic_motion_ros.planning.status import Figures, Refusal, Verdict, VerdictCode
 from geodesic_motion_ros.utils.deadline import Deadline
 
 #: Share of a period after which a search is interrupted: what follows it, the spline and its decoding, takes up to
@@ -81,7 +81,7 @@ class PaperCycle:
         verdict = refused or readiness(inputs, topic, "", None if self._goal.is_set else self._goal.verdict)
         return self._command(obstacles_taken if verdict.ok else verdict, inputs, deadline)
 
-    def stop(self, verdict: Verdict) -> CycleOutput:
+    def stop(self, verdict: Refusal) -> CycleOutput:
         """The end of a cycle that failed, in `run` or before: come to rest at the pace of a simulation, and say why."""
         self.planner.halt()
         return self._follow(verdict)
@@ -89,7 +89,7 @@ class PaperCycle:
     def _command(self, verdict: Verdict, inputs: CycleInputs, deadline: Deadline) -> CycleOutput:
         """Plan where the verdict is OK, stop otherwise, and move on."""
         if verdict.ok and self._displaced:
-            verdict = Verdict(VerdictCode.BAD_INPUT, "the paper has no task frame: leave it at the base frame")
+            verdict = Refusal(VerdictCode.BAD_INPUT, "the paper has no task frame: leave it at the base frame")
         if verdict.ok:
             verdict = self.planner.hold(inputs.held)
         if verdict.ok:
@@ -110,20 +110,21 @@ class PaperCycle:
             commanded.configuration, commanded.speed,
         )  # fmt: skip
 
-    def _preparing(self, inputs: CycleInputs) -> Callable[[], PaperGoal | Verdict]:
+    def _preparing(self, inputs: CycleInputs) -> Callable[[], PaperGoal | Refusal]:
         goal = inputs.goal
         pose = self.planner.robot.forward(goal) if isinstance(goal, np.ndarray) else goal
         return partial(self.planner.prepared_goal, *pose, *self._offsets)
 
-    def _take_prepared(self, prepared: PaperGoal | Verdict) -> Verdict:
-        if isinstance(prepared, Verdict):
+    def _take_prepared(self, prepared: PaperGoal | Refusal) -> Verdict:
+        if isinstance(prepared, Refusal):
             return prepared
         self.planner.take_goal(prepared)
-        return Verdict(VerdictCode.OK, CAUTION, goal_offset=prepared.offset, goal_offset_angle=prepared.offset_angle)
+        figures = Figures(goal_offset=prepared.offset, goal_offset_angle=prepared.offset_angle)
+        return Verdict(reason=CAUTION, figures=figures)
 
     def _take_obstacles(self, inputs: CycleInputs) -> Verdict:
         if inputs.obstacles.version == self._obstacles_version:
-            return Verdict(VerdictCode.OK)
+            return Verdict()
         # Nothing is predicted: obstacles are where they were last seen.
         verdict = self.planner.set_obstacles(inputs.obstacles.moved_on(inputs.heard, 0.0, inputs.heard))
         if verdict.ok:
@@ -136,7 +137,7 @@ class PaperCycle:
         self._task_frame = frame
         self._displaced = not TaskFrame(*frame).is_identity
 
-    def _take_state(self, inputs: CycleInputs) -> Verdict | None:
+    def _take_state(self, inputs: CycleInputs) -> Refusal | None:
         """Go by where the arm was measured; why that is not possible, None where it is."""
         stale = stale_state(inputs, self.state_topic, self.state_timeout, self.resume_timeout)
         if stale is not None:

@@ -21,7 +21,7 @@ from geodesic_motion_ros.paper.paper_planner import CAUTION, PaperPlanner, Paper
 from geodesic_motion_ros.paper.streams import PoseStream, TrajectoryStream
 from geodesic_motion_ros.planning.declared_scene import DeclaredScene
 from geodesic_motion_ros.planning.settings import TOOL_LIMITS
-from geodesic_motion_ros.planning.status import Verdict, VerdictCode
+from geodesic_motion_ros.planning.status import Verdict
 from geodesic_motion_ros.utils.errors import ParameterError
 from geodesic_motion_ros.visualization.latent_view import LatentPicture, LatentView
 
@@ -83,7 +83,7 @@ class PaperNode(LoopingNode):
         self.face.tell(inputs, output, self.cycle.goal_number, {}, self.planner.held)
 
     def _plan(self, start: Pose, goal: Pose) -> tuple[Pose | None, Verdict]:
-        return self.planner.tool_poses(self.planner.plan(start, goal)), Verdict(VerdictCode.OK, CAUTION)
+        return self.planner.tool_poses(self.planner.plan(start, goal)), Verdict(reason=CAUTION)
 
     def _draw_markers(self, inputs: CycleInputs, output: CycleOutput, path: np.ndarray) -> None:
         # The paper's metric sees points: no spheres are kept away from obstacles.

@@ -19,7 +19,7 @@ from geodesic_motion_ros.obstacles.obstacles import Obstacles
 from geodesic_motion_ros.paper.dense_graph import dense_graph
 from geodesic_motion_ros.paper.follower import TimedPath
 from geodesic_motion_ros.paper.literal_search import LiteralSearch
-from geodesic_motion_ros.planning.status import Verdict, VerdictCode
+from geodesic_motion_ros.planning.status import Figures, Refusal, Verdict, VerdictCode
 from geodesic_motion_ros.robot.body_points import end_effector_poses
 from geodesic_motion_ros.robot.held_objects import HeldObject
 from geodesic_motion_ros.robot.kinematics import Robot
@@ -104,19 +104,19 @@ class PaperPlanner:
 
     def prepared_goal(
         self, position: np.ndarray, quaternion: np.ndarray, most: float = math.inf, most_angle: float = math.inf
-    ) -> PaperGoal | Verdict:
-        """The goal at the node whose tool pose is nearest to (3,) [m], (4,); a verdict where that is farther than
+    ) -> PaperGoal | Refusal:
+        """The goal at the node whose tool pose is nearest to (3,) [m], (4,); a refusal where that is farther than
         `most` [m] or `most_angle` [rad].
         """
         node = self._nearest(position, quaternion)
         offset = float(np.linalg.norm(self._poses[0][node] - position))
         angle = float(angle_between(self._poses[1][node], quaternion))
         if offset > most or angle > most_angle:
-            return Verdict(
+            return Refusal(
                 VerdictCode.GOAL_OUT_OF_SUPPORT,
                 f"the goal is {1000 * offset:.0f} mm and {math.degrees(angle):.1f} deg from the nearest pose that the "
                 f"skill knows; allowed are {1000 * most:.0f} mm and {math.degrees(most_angle):.1f} deg",
-                goal_offset=offset, goal_offset_angle=angle,
+                Figures(goal_offset=offset, goal_offset_angle=angle),
             )  # fmt: skip
         search = self.search
         return PaperGoal(node, search.weights, search.field(node), offset, angle)
@@ -152,10 +152,10 @@ class PaperPlanner:
         if not objection and (len(obstacles.solids) or obstacles.cloud.squares.size):
             objection = "the paper's planner knows spheres only: send SPHERE markers or points, no solids and no clouds"
         if objection:
-            return Verdict(VerdictCode.BAD_INPUT, objection)
+            return Refusal(VerdictCode.BAD_INPUT, objection)
         if not obstacles.same_places(self._obstacles):
             self._obstacles, self._search_due = obstacles, self._goal is not None
-        return Verdict(VerdictCode.OK)
+        return Verdict()
 
     def hold(self, held: Sequence[HeldObject]) -> Verdict:
         """Plan for what the hand holds from now on, nothing or one object; BAD_INPUT where the paper knows no answer.
@@ -163,11 +163,11 @@ class PaperPlanner:
         Its radius is half its second side: of a sphere and a bottle their own.
         """
         if tuple(held) == self.held:
-            return Verdict(VerdictCode.OK)
+            return Verdict()
         if held and (len(held) > 1 or not isinstance(self.graph, PoseGraph)):
             poses = isinstance(self.graph, PoseGraph)
             takes = "one held object: detach the others" if poses else "no held object with skills of joints: detach it"
-            return Verdict(VerdictCode.BAD_INPUT, f"the paper's planner takes {takes}")
+            return Refusal(VerdictCode.BAD_INPUT, f"the paper's planner takes {takes}")
         self.held = tuple(held)
         self._held_radius = 0.5 * float(np.median(held[0].sides)) if held else 0.0
         if isinstance(self.graph, PoseGraph):
@@ -176,7 +176,7 @@ class PaperPlanner:
             self.search = LiteralSearch(self.graph.adjacency, self.weights, self.settings.strength)
         if self._goal is not None:
             self.take_goal(self._goal)
-        return Verdict(VerdictCode.OK)
+        return Verdict()
 
     def tick(self, deadline: Deadline = NEVER) -> Verdict:
         """Bring the path up to date with goal and obstacles, until a deadline at most.
@@ -185,7 +185,7 @@ class PaperPlanner:
         ended, the best path known is followed, and the verdict's cost_gap says by how much it may cost too much.
         """
         if self._goal is None or self.path is None:
-            return Verdict(VerdictCode.NO_GOAL, "no goal has been given")
+            return Refusal(VerdictCode.NO_GOAL, "no goal has been given")
         self.search.go_on(deadline)
         if self.search.finished and self._search_due:
             self._begin_search()
@@ -196,10 +196,11 @@ class PaperPlanner:
         ratio = f"{self.search.energy_ratio:.2g}"
         reason = CAUTION if ratio == "1" else f"{CAUTION}; its energy is {ratio} times that of the free path"
         inside = float(self.graph.sigma[self._nodes].max()) <= self.skill.sigma_limit
-        return Verdict(
-            VerdictCode.OK, reason, cost_gap=self.search.gap, in_support=inside, goal_offset=self._goal.offset,
+        figures = Figures(
+            cost_gap=self.search.gap, in_support=inside, goal_offset=self._goal.offset,
             goal_offset_angle=self._goal.offset_angle,
         )  # fmt: skip
+        return Verdict(reason=reason, figures=figures)
 
     @property
     def is_exact(self) -> bool:

@@ -3,18 +3,18 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 
 import numpy as np
 
 from geodesic_motion_ros.obstacles.obstacles import Obstacles
 from geodesic_motion_ros.planning import settings as constants
+from geodesic_motion_ros.planning.path_timer import JointCurve
 from geodesic_motion_ros.planning.plan import ApproachPlan, MotionState, Plan
 from geodesic_motion_ros.planning.query import ArmQuery
 from geodesic_motion_ros.planning.retry import Workings
-from geodesic_motion_ros.planning.search import path_verdict
+from geodesic_motion_ros.planning.search import judge_path
 from geodesic_motion_ros.planning.solver import Solver
-from geodesic_motion_ros.planning.status import Verdict
+from geodesic_motion_ros.planning.status import Refusal, Verdict
 from geodesic_motion_ros.utils.deadline import NEVER, Deadline
 
 
@@ -47,35 +47,36 @@ def approach_to_covered(
     path = _path_to_covered(solver, query, state, obstacles, here, deadline) if here > 0.0 else None
     if path is None:
         return None
-    curve, latent, correction = path
-    placed = solver.collision.positions(solver.robot, curve)
+    placed = solver.collision.positions(solver.robot, path.configurations)
     free = solver.certifier.between(placed, swept) >= requirement.searched.of(here)
     end, left = int(np.argmin(np.append(free, False))), _lengths_left(placed)
     for _ in range(1 + constants.APPROACH_CUTS):
         if end < 1 or left[end] > min(remaining, left[0]) - constants.APPROACH_GAIN:
             return None
-        timed = solver.timer.timed_curve(state, curve[: end + 1], latent[: end + 1], correction)
-        if timed.reference is None:
+        part = JointCurve(path.configurations[: end + 1], path.latent[: end + 1], path.correction)
+        timed = solver.timer.timed_curve(state, part)
+        if isinstance(timed, Refusal):
             return None
         certificate, objection = solver.certifier.assess(timed.swept, obstacles, requirement, here)
-        if objection is None:
-            plan = Plan(solver.certifier.judged(timed.reference, certificate), state.time, refusal)
-            to_goal = solver.tool_distance(curve[end], query.goal)
-            reason = f"{refusal.reason}; it goes as near as it can, to {1000 * to_goal:.0f} mm"
-            verdict = replace(refusal, reason=reason, clearance=float(np.min(certificate.clearance)))
-            return ApproachPlan(replace(plan, verdict=verdict), float(left[end]))
+        if not objection:
+            to_goal = solver.tool_distance(path.configurations[end], query.goal)
+            verdict = refusal.with_remark(f"it goes as near as it can, to {1000 * to_goal:.0f} mm")
+            verdict = verdict.with_figures(clearance=float(np.min(certificate.clearance)))
+            plan = Plan(solver.certifier.judged(timed.reference, certificate), state.time, verdict)
+            return ApproachPlan(plan, float(left[end]))
         met = solver.certifier.first_objection(certificate, requirement.margin(obstacles, here))
         assert met is not None
         posture, _, _ = timed.reference.sample(met)
-        end = int(np.argmin(np.linalg.norm(curve[: end + 1] - posture, axis=1))) - 1
+        end = int(np.argmin(np.linalg.norm(part.configurations - posture, axis=1))) - 1
     return None
 
 
 def _path_to_covered(
     solver: Solver, query: ArmQuery, state: MotionState, obstacles: Obstacles, here: float, deadline: Deadline
-) -> tuple[np.ndarray, np.ndarray, float] | None:
-    """Configurations (m, eta) of the path to a goal among the obstacles that do not cover it, their latent points
-    (m, d), and how far the ends were moved [rad]; here : clearance of the start [m].
+) -> JointCurve | None:
+    """The path to a goal among the obstacles that do not cover it; None where there is none.
+
+    here : clearance of the start [m].
     """
     moving, prediction = solver.collision.moving, solver.settings.prediction
     at_goal = solver.collision.positions(solver.robot, query.goal[None])[0, moving]
@@ -84,17 +85,15 @@ def _path_to_covered(
     search = solver.search_among(query, state, others.swept(prediction), ends, deadline, Workings())
     multiple = 1.0
     path = search.path(multiple)
-    if isinstance(path, Verdict):
+    if isinstance(path, Refusal):
         return None
     path = search.refined(path, multiple)
-    latent, found = solver.timer.joint_curve(query, state.position, path, True)
-    if isinstance(found, str):
+    curve = solver.timer.joint_curve(query, state.position, path, True)
+    if isinstance(curve, Refusal):
         return None
-    curve, correction = found
-    verdict = path_verdict(
-        solver.skill, solver.graph, query, solver.graph.sigma_at(latent), path, here, correction, objection=None
-    )
-    return (curve, latent, correction) if verdict.ok else None
+    sigma = solver.graph.sigma_at(curve.latent)
+    figures = judge_path(solver.skill, solver.graph, query, sigma, path, here, curve.correction)
+    return None if isinstance(figures, Refusal) else curve
 
 
 def _lengths_left(placed: np.ndarray) -> np.ndarray:

@@ -25,7 +25,7 @@ from geodesic_motion_ros.planning.proposers.turn import Proposer, Turn
 from geodesic_motion_ros.planning.query import ArmQuery
 from geodesic_motion_ros.planning.retry import Asked, Question
 from geodesic_motion_ros.planning.situation import Situation
-from geodesic_motion_ros.planning.status import Verdict, VerdictCode
+from geodesic_motion_ros.planning.status import Refusal, VerdictCode
 
 #: Who is asked what an arm without a path does, in this order.
 PROPOSERS: tuple[Proposer, ...] = (
@@ -64,7 +64,7 @@ class Arbiter:
         """Decide what the arm does."""
         situation, memory, query = self.situation, self.memory, self.mission.query
         if self.mission.active is None:
-            stop = situation.stopped(Verdict(VerdictCode.NO_GOAL, "no goal has been given"))
+            stop = situation.stopped(Refusal(VerdictCode.NO_GOAL, "no goal has been given"))
             return Decision(stop, None, replace(memory, blocked_since=math.inf))
         if situation.exceeds_limits and (slowed := self._slowed(situation)) is not None:
             return Decision(slowed, query, memory)
@@ -75,7 +75,7 @@ class Arbiter:
         goal = self.mission.active.goal
         if query is None:
             found = self.arm.query_from(situation.state, situation.followed, goal)
-            if isinstance(found, Verdict):
+            if isinstance(found, Refusal):
                 return Decision(situation.stopped(found), None, memory)
             query = found
         followed = situation.free_path(query)
@@ -98,7 +98,7 @@ class Arbiter:
         if followed.slowed is situation.limits:
             return None
         reason = "the arm is to be slower, and slowed down on its path it would meet what moves"
-        return situation.slowed() or situation.stopped(Verdict(VerdictCode.NO_FEASIBLE_PATH, reason))
+        return situation.slowed() or situation.stopped(Refusal(VerdictCode.NO_FEASIBLE_PATH, reason))
 
     def _needs_no_check(self, followed: Followed) -> bool:
         """Whether the path that is followed needs neither a new certificate nor a new search: the settings are those of
@@ -136,7 +136,7 @@ class Arbiter:
         step = turn.step or self.situation.stopped(turn.verdict)
         search, plan = turn.memory.detour, step.plan
         if search is not None and plan.verdict.code is VerdictCode.NO_FEASIBLE_PATH:
-            reason = search.reason(turn.detour_request, self.situation.now)
-            if reason:
-                step = replace(step, plan=without_detour(plan, self.situation.reach, reason))
+            refusal = search.refusal_of(turn.detour_request, self.situation.now)
+            if refusal is not None:
+                step = replace(step, plan=without_detour(plan, self.situation.reach, refusal))
         return Decision(step, turn.query, turn.memory, turn.detour)

@@ -245,7 +245,7 @@ class ArmCertifier:
 
     def assess(
         self, swept: SweptArm, obstacles: Obstacles, requirement: Requirement, present: float = math.inf
-    ) -> tuple[Certificate, str | None]:
+    ) -> tuple[Certificate, str]:
         """The certificate of where a reference takes the arm, and why it does not meet a requirement (`objection`).
 
         present : the clearance that there is already [m].
@@ -262,9 +262,9 @@ class ArmCertifier:
         _, part, sphere = self._scene.nearest(swept.placed[inside[0] + 1, moving], self._radii[moving])
         return f"'{self._link(moving[sphere])}' enters '{part}'"
 
-    def objection(self, certificate: Certificate, margin: float = 0.0) -> str | None:
-        """Why a reference must not be followed, naming the link; None where it is certified: it keeps `margin` [m] from
-        obstacles, and the arm touches neither itself nor the declared scene. A clearance that is no number keeps
+    def objection(self, certificate: Certificate, margin: float = 0.0) -> str:
+        """Return why a reference must not be followed, naming the link; "" where it is certified: it keeps `margin` [m]
+        from obstacles, and the arm touches neither itself nor the declared scene. A clearance that is no number keeps
         nothing.
         """
         i, j = int(np.argmin(certificate.clearance)), int(np.argmin(certificate.self_clearance))
@@ -281,15 +281,15 @@ class ArmCertifier:
         if certificate.entered:
             begin = certificate.times[int(np.argmin(certificate.scene_clearance >= 0.0))]
             return f"{certificate.entered} of the scene after {max(0.0, begin):.2f} s"
-        return None
+        return ""
 
-    def unseen(self, swept: SweptSpheres, seen: SeenVolume) -> str | None:
-        """Which link leaves what is seen, and when; None where none ever does."""
+    def unseen(self, swept: SweptSpheres, seen: SeenVolume) -> str:
+        """Return which link leaves what is seen, and when; "" where none ever does."""
         if seen.everything:
-            return None
+            return ""
         interval, sphere = first_unseen(swept.placed, swept.bulges, self._radii, self._moving, seen)
         if sphere < 0:
-            return None
+            return ""
         return f"'{self._link(sphere)}' enters what is not seen after {swept.times[interval]:.2f} s"
 
     def first_objection(self, certificate: Certificate, margin: float = 0.0) -> float | None:

@@ -37,7 +37,7 @@ from geodesic_motion_ros.planning.settings import (
     SAME_TASK_JOINTS,
     PlannerSettings,
 )
-from geodesic_motion_ros.planning.status import Verdict, VerdictCode
+from geodesic_motion_ros.planning.status import Figures, Refusal, VerdictCode
 from geodesic_motion_ros.planning.turns import in_turn_of
 from geodesic_motion_ros.robot.body_points import end_effector_poses
 from geodesic_motion_ros.robot.collision_model import CollisionModel, self_clearance
@@ -73,9 +73,9 @@ class ConfigurationGoal(Goal[np.ndarray]):
 class ConfigurationLift:
     """Nodes that are configurations already, of the base frame."""
 
-    def configurations_along(self, query: ArmQuery, latent: np.ndarray, start: np.ndarray) -> tuple[np.ndarray, str]:
+    def configurations_along(self, query: ArmQuery, latent: np.ndarray, start: np.ndarray) -> np.ndarray:
         decoded = query.decoded.decoder.configurations(latent)
-        return query.offsets.carried(decoded, *query.decoded.progress_map(latent)), ""
+        return query.offsets.carried(decoded, *query.decoded.progress_map(latent))
 
     def turned_to_base(self, covariances: np.ndarray) -> np.ndarray:
         return covariances
@@ -107,10 +107,10 @@ class ConfigurationQueryBuilder(QueryBuilder[np.ndarray]):
 
     # ------------------------------------------------------ ends of an arm
 
-    def goal_by_configuration(self, configuration: np.ndarray, frame: TaskFrame) -> ConfigurationGoal | Verdict:
+    def goal_by_configuration(self, configuration: np.ndarray, frame: TaskFrame) -> ConfigurationGoal | Refusal:
         return self._supported(ConfigurationGoal(configuration[None], "the requested configuration"))
 
-    def goal_by_pose(self, pose: Pose, frame: TaskFrame) -> ConfigurationGoal | Verdict:
+    def goal_by_pose(self, pose: Pose, frame: TaskFrame) -> ConfigurationGoal | Refusal:
         """The configurations that hold the tool in a pose of the base frame, searched near every mode that was
         demonstrated; or why there are none.
         """
@@ -130,9 +130,9 @@ class ConfigurationQueryBuilder(QueryBuilder[np.ndarray]):
         if not here.is_within(pose, SAME_GOAL) or start.is_within(end, SAME_START):
             return None
         goal = self.goal_by_configuration(standing, frame)
-        return None if isinstance(goal, Verdict) else replace(goal, stated="the configuration in which the arm stands")
+        return None if isinstance(goal, Refusal) else replace(goal, stated="the configuration in which the arm stands")
 
-    def start_by_pose(self, pose: Pose, commanded: np.ndarray | None = None) -> np.ndarray | Verdict:
+    def start_by_pose(self, pose: Pose, commanded: np.ndarray | None = None) -> np.ndarray | Refusal:
         """The configuration (eta,) nearest to where demonstrations started that holds the tool in a pose."""
         found, reason = self._configurations_at("start", pose)
         pieces = self._graph.pieces_with_demonstrations()
@@ -146,11 +146,11 @@ class ConfigurationQueryBuilder(QueryBuilder[np.ndarray]):
         """A configuration (eta,) with its continuous joints in the turn in which the graph has them."""
         return in_turn_of(self._graph.configurations, configuration, self._robot)
 
-    def _supported(self, choice: ConfigurationGoal) -> ConfigurationGoal | Verdict:
+    def _supported(self, choice: ConfigurationGoal) -> ConfigurationGoal | Refusal:
         """A goal that is near enough to what was demonstrated, with the configurations in which no two links touch."""
-        verdict = self.goal_verdict(choice.outputs)
-        if not verdict.ok:
-            return verdict
+        refusal = self.goal_refusal(choice.outputs)
+        if refusal is not None:
+            return refusal
         found = [self_clearance(self._collision, self._robot, goal) for goal in choice.configurations]
         free = np.array([clearance > 0.0 for clearance, _ in found])
         if np.any(free):
@@ -158,9 +158,9 @@ class ConfigurationQueryBuilder(QueryBuilder[np.ndarray]):
         clearance, pair = found[0]
         first, second = (self._collision.link_of(sphere) for sphere in pair)
         reason = f"at the goal '{first}' and '{second}' would overlap by {-1000 * clearance:.0f} mm"
-        return Verdict(VerdictCode.IN_COLLISION, reason, clearance=clearance)
+        return Refusal(VerdictCode.IN_COLLISION, reason, Figures(clearance=clearance))
 
-    def _unheld(self, name: EndName, reason: str) -> Verdict:
+    def _unheld(self, name: EndName, reason: str) -> Refusal:
         """The refusal of a pose that the arm holds in no configuration, and why in none."""
         held = f"no configuration near the demonstrated ones holds the tool at the {name}: {reason}"
         if not self._robot.takes_poses:
@@ -168,7 +168,7 @@ class ConfigurationQueryBuilder(QueryBuilder[np.ndarray]):
             held = f"an arm of {joints} joints holds its tool in few poses, not in that of the {name}: " + (
                 "send it a configuration, goal_joints" if name == "goal" else "let it begin in a configuration"
             )
-        return Verdict(self._out_of_support(name), held)
+        return Refusal(self._out_of_support(name), held)
 
     def _configurations_at(self, name: EndName, pose: Pose) -> tuple[list[np.ndarray], str]:
         """Distinct configurations that hold the tool in a pose, and why there is not one more."""
@@ -284,5 +284,6 @@ class ConfigurationQueryBuilder(QueryBuilder[np.ndarray]):
         return graph, self._graph.field(along_mean_paths.mean_paths, self._settings.ridge_strength), body
 
     def _tool_moved(self, query: ArmQuery, latent: np.ndarray, start: np.ndarray) -> float:
-        along, _ = query.configurations_along(latent[None], start)
+        decoded = self._graph.decoder.configurations(latent[None])
+        along = query.offsets.carried(decoded, *self._graph.progress_map(latent[None]))
         return float(np.linalg.norm(self._robot.forward(start)[0] - self._robot.forward(along[0])[0]))

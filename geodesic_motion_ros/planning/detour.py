@@ -26,12 +26,13 @@ from geodesic_motion_ros.planning.query import ArmGoal, ArmQuery, PathEnds
 from geodesic_motion_ros.planning.retry import Question
 from geodesic_motion_ros.planning.seen_volume import SeenVolume
 from geodesic_motion_ros.planning.solver import Solver
+from geodesic_motion_ros.planning.status import Refusal, VerdictCode
 from geodesic_motion_ros.trajectory.trajectory import interpolated
 
 #: Why there is none between two configurations; in another posture there may be one.
-COVERED_END = "an obstacle covers where it would begin or end"
+COVERED_END = Refusal(VerdictCode.NO_FEASIBLE_PATH, "an obstacle covers where it would begin or end")
 #: Why there is none where there would be one if everything were seen.
-UNSEEN = "the arm would enter what is not seen"
+UNSEEN = Refusal(VerdictCode.NO_FEASIBLE_PATH, "the arm would enter what is not seen")
 #: Widths [points] by which a band is smoothed: the second where the first cuts a corner too short.
 SMOOTHINGS = (1.5, 0.5)
 #: Distance between two samples of a path of the lattice that is smoothed [rad].
@@ -123,7 +124,7 @@ class DetourPlanner:
         """A planner of detours with another solver of the skill."""
         return DetourPlanner(solver, self._spread)
 
-    def frames(self, query: ArmQuery, obstacles: Obstacles) -> list[DetourFrame] | str:
+    def frames(self, query: ArmQuery, obstacles: Obstacles) -> list[DetourFrame] | Refusal:
         """The coordinates beside the base paths of a query, in the order in which they are tried; or why the arm cannot
         hold any.
 
@@ -131,24 +132,26 @@ class DetourPlanner:
         metric that they reshape.
         """
         several = len(self._spread.covariances) > 1
-        frames, objection = {}, ""
+        frames: dict[int, DetourFrame] = {}
+        refusal: Refusal | None = None
         for among in (obstacles, Obstacles.none()) if several else (Obstacles.none(),):
             base = self._solver.base_path(query, among)
-            if isinstance(base, str):
-                objection = base
+            if isinstance(base, Refusal):
+                refusal = base
                 continue
-            latent, path = base
-            progress, shares = self._solver.graph.progress_map(latent)
+            progress, shares = self._solver.graph.progress_map(base.latent)
             mode = demonstrated_mode(shares)
             covariances = query.turned_to_base(self._spread.at(progress, mode))
             # In one mode the geodesic without obstacles serves.
-            frames[mode] = DetourFrame.along(self._solver.robot, path, latent, covariances)
-        return list(frames.values()) or objection
+            frames[mode] = DetourFrame.along(self._solver.robot, base.configurations, base.latent, covariances)
+        if frames or refusal is None:
+            return list(frames.values())
+        return refusal
 
-    def find(self, query: ArmQuery, obstacles: Obstacles, reach: float) -> Detour | str:
+    def find(self, query: ArmQuery, obstacles: Obstacles, reach: float) -> Detour | Refusal:
         """The cheapest detour with displacements up to `reach` [m], or why there is none."""
         frames = self.frames(query, obstacles)
-        if isinstance(frames, str):
+        if isinstance(frames, Refusal):
             return frames
         refusals = []
         for frame in frames:
@@ -158,7 +161,7 @@ class DetourPlanner:
             refusals.append(found)
         return UNSEEN if UNSEEN in refusals else refusals[-1]
 
-    def beside(self, frame: DetourFrame, query: PathEnds, obstacles: Obstacles, reach: float) -> Detour | str:
+    def beside(self, frame: DetourFrame, query: PathEnds, obstacles: Obstacles, reach: float) -> Detour | Refusal:
         """The cheapest detour of up to `reach` [m] beside one base path, certified for an arm that begins at rest; or
         why there is none.
 
@@ -176,40 +179,39 @@ class DetourPlanner:
         margin = required.searched.of(ends)
         arm = ArmInScene.of(solver.robot, solver.collision, swept, solver.seen_beside(frame.configurations))
         path = cheapest_detour(frame, arm, reach, margin)
-        if isinstance(path, str):
+        if isinstance(path, Refusal):
             if not arm.seen.everything:
                 without = cheapest_detour(frame, arm._replace(seen=SeenVolume.unbounded()), reach, margin)
-                return without if isinstance(without, str) else UNSEEN
+                return without if isinstance(without, Refusal) else UNSEEN
             return path
         band = drawn_tight(frame, arm, path, reach, margin)
         drawn = [] if band is None else [Detour.along_band(query, frame, path, band, width) for width in SMOOTHINGS]
         rounded = (Detour.along_lattice(query, frame, path, width) for width in LATTICE_SMOOTHINGS)
-        refusal = ""
+        still = np.zeros_like(query.start)
+        at_start = MotionState(obstacles.time, query.start, still, still, None)
+        refusal: Refusal | None = None
         for detour in chain(drawn, rounded):
-            objection = self._objection(detour, obstacles)
-            if not objection:
+            verdict = self.plan(detour, at_start, obstacles).verdict
+            if not isinstance(verdict, Refusal):
                 return detour
-            refusal = refusal or objection
+            refusal = refusal or verdict
+        assert refusal is not None
         return refusal
-
-    def _objection(self, detour: Detour, obstacles: Obstacles) -> str:
-        """Why a detour is not certified for an arm at rest where it begins, or ""."""
-        still = np.zeros_like(detour.query.start)
-        state = MotionState(obstacles.time, detour.query.start, still, still, None)
-        return "" if (plan := self.plan(detour, state, obstacles)).verdict.ok else plan.verdict.reason
 
     def plan(self, detour: Detour, state: MotionState, obstacles: Obstacles) -> Plan:
         """The certified motion along a detour from a state at its start, or why it is not certified."""
         seen = self._solver.seen_beside(detour.base)
         plan = self._solver.along(detour.query, state, detour.configurations, detour.latent, obstacles, seen)
+        verdict = plan.verdict
+        if verdict.ok:
+            verdict = verdict.with_remark(
+                f"a detour: it leaves what was demonstrated by {100 * detour.displacement:.1f} cm"
+            )
         left = {name: getattr(detour, name) for name in ("displacement", "swivel", "deviation")}
-        reason = plan.verdict.reason
-        if plan.verdict.ok:
-            reason = f"a detour: it leaves what was demonstrated by {100 * detour.displacement:.1f} cm"
-        return replace(plan, verdict=replace(plan.verdict, reason=reason, **left))
+        return replace(plan, verdict=verdict.with_figures(**left))
 
 
-def without_detour(plan: Plan, reach: float, reason: str) -> Plan:
+def without_detour(plan: Plan, reach: float, refusal: Refusal) -> Plan:
     """A plan without a path, whose verdict says why there is no detour of up to `reach` [m] either."""
-    reason = f"{plan.verdict.reason}; no detour of up to {100 * reach:.0f} cm: {reason}"
-    return replace(plan, verdict=replace(plan.verdict, reason=reason))
+    remark = f"no detour of up to {100 * reach:.0f} cm: {refusal.reason}"
+    return replace(plan, verdict=plan.verdict.with_remark(remark))

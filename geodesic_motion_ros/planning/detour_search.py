@@ -27,6 +27,7 @@ from geodesic_motion_ros.planning.arm_in_scene import ArmInScene, clearance_at, 
 from geodesic_motion_ros.planning.detour_frame import DetourFrame
 from geodesic_motion_ros.planning.posture import solve_displaced
 from geodesic_motion_ros.planning.seen_volume import is_inside
+from geodesic_motion_ros.planning.status import Refusal, VerdictCode
 
 #: A node is given up once this many neighbours do not reach it.
 _MOST_REFUSALS = 8
@@ -85,7 +86,7 @@ class LatticePath:
     evaluated: int
 
 
-def cheapest_detour(frame: DetourFrame, arm: ArmInScene, reach: float, margin: float) -> LatticePath | str:
+def cheapest_detour(frame: DetourFrame, arm: ArmInScene, reach: float, margin: float) -> LatticePath | Refusal:
     """The cheapest path along a frame from its start to its end with displacements up to `reach` [m] and a clearance of
     `margin` [m] at least; or why there is none: the hand cannot pass, or the arm cannot.
     """
@@ -96,13 +97,13 @@ def cheapest_detour(frame: DetourFrame, arm: ArmInScene, reach: float, margin: f
     to_goal = _hand_field(frame.precisions, frame.step, factors, lattice)
     middle = lattice.side // 2
     if not math.isfinite(to_goal[0, middle, middle, middle]):
-        return "the hand cannot pass"
+        return Refusal(VerdictCode.NO_FEASIBLE_PATH, "the hand cannot pass")
     nodes, configurations, cost, evaluated = _search(
         frame.positions, frame.quaternions, frame.configurations, frame.nulls, frame.precisions, frame.step, arm,
         factors, to_goal, lattice, margin,
     )  # fmt: skip
     if len(nodes) == 0:
-        return "the arm cannot pass"
+        return Refusal(VerdictCode.NO_FEASIBLE_PATH, "the arm cannot pass")
     return LatticePath(
         nodes[:, 0], lattice.spacing * (nodes[:, 1:4] - middle),
         lattice.swivel_spacing * (nodes[:, 4] - lattice.swivels // 2), configurations, cost, int(evaluated),

@@ -8,8 +8,9 @@ from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass
 
 from geodesic_motion_ros.planning.detour import Detour
+from geodesic_motion_ros.planning.status import Refusal, VerdictCode
 
-Search = Callable[[], Detour | str]
+Search = Callable[[], Detour | Refusal]
 _LOGGER = logging.getLogger(__name__)
 #: Of times [s].
 _ROUNDING = 1e-6
@@ -19,7 +20,7 @@ _ROUNDING = 1e-6
 class DetourJob:
     """A search that was begun; its result arrives at a time `ready` [s], None: when it is there."""
 
-    future: Future[Detour | str]
+    future: Future[Detour | Refusal]
     ready: float | None
 
     def done(self, now: float) -> bool:
@@ -27,7 +28,7 @@ class DetourJob:
         return self.future.done() if self.ready is None else now >= self.ready - _ROUNDING
 
     @property
-    def result(self) -> Detour | str:
+    def result(self) -> Detour | Refusal:
         """The detour, or why there is none; waits for it where the search still runs."""
         return self.future.result()
 
@@ -52,10 +53,10 @@ class DetourWorker:
         self._executor.shutdown(cancel_futures=True)
 
 
-def _explained(search: Search) -> Detour | str:
-    """The result of a search; an error in it becomes a reason, as ticks must go on without a detour."""
+def _explained(search: Search) -> Detour | Refusal:
+    """The result of a search; an error in it becomes a refusal, as ticks must go on without a detour."""
     try:
         return search()
     except Exception as error:
         _LOGGER.exception("the search of a detour failed")
-        return f"its search failed, see the log: {error!r}"
+        return Refusal(VerdictCode.NO_FEASIBLE_PATH, f"its search failed, see the log: {error!r}")

@@ -13,11 +13,12 @@ from geodesic_motion_ros.obstacles.obstacles import Obstacles
 from geodesic_motion_ros.planning import settings as constants
 from geodesic_motion_ros.planning.arm_in_scene import ArmInScene
 from geodesic_motion_ros.planning.evasion_targets import displaced_paths, paths_to_targets
+from geodesic_motion_ros.planning.path_timer import JointCurve
 from geodesic_motion_ros.planning.plan import MotionState, Plan
 from geodesic_motion_ros.planning.query import ArmQuery
 from geodesic_motion_ros.planning.retry import Workings
 from geodesic_motion_ros.planning.solver import Solver, latent_start
-from geodesic_motion_ros.planning.status import Verdict, VerdictCode
+from geodesic_motion_ros.planning.status import Figures, Refusal, Verdict
 from geodesic_motion_ros.trajectory.trajectory import JointReference, joined
 from geodesic_motion_ros.utils.deadline import NEVER, Deadline
 
@@ -45,12 +46,12 @@ def evasion_on_graph(
         start = latent_start(query, begin)
         for path in paths_to_targets(solver.graph, query, start, evaluation, constants.EVASION_STEPS, apart):
             timed = workings.timed(solver.timer, query, begin, path, False, math.inf)
-            if timed.reference is not None:
+            if not isinstance(timed, Refusal):
                 whole = timed.reference if first is None else joined(first, 0.0, timed.reference, first.duration)
                 certificate, objection = solver.certifier.assess(solver.certifier.swept(whole), obstacles, requirement)
-                verdict = solver.verdict_of(query, path, timed, certificate, objection)
-                if verdict.ok:
-                    return Plan(solver.certifier.judged(whole, certificate), state.time, verdict)
+                figures = solver.judge(query, path, timed, certificate, objection)
+                if not isinstance(figures, Refusal):
+                    return Plan(solver.certifier.judged(whole, certificate), state.time, Verdict(figures=figures))
             if deadline.passed:
                 return None
     return None
@@ -66,7 +67,7 @@ def _begins(
         return [(state, None)]
     while_stopping = solver.requirements.evasion.until(stop.duration)
     _, met = solver.certifier.assess(solver.certifier.swept(stop), obstacles, while_stopping)
-    return [(state, None)] if met is not None else [(state.after(stop), stop), (state, None)]
+    return [(state, None)] if met else [(state.after(stop), stop), (state, None)]
 
 
 def evasion_beside_graph(
@@ -84,8 +85,8 @@ def evasion_beside_graph(
     """
     latent = latent_start(query, state)[None]
     progress, _ = solver.graph.progress_map(latent)
-    configurations, objection = query.configurations_along(latent, state.position)
-    if objection:
+    configurations = query.configurations_along(latent, state.position)
+    if isinstance(configurations, Refusal):
         return None
     left = reach - query.displaced_at(progress)
     undisplaced, _ = solver.robot.forward(configurations[0])
@@ -97,11 +98,11 @@ def evasion_beside_graph(
     for curve in islice(targets, constants.EVASION_DISPLACED):
         if deadline.passed:
             return None
-        timed = solver.timer.timed_curve(state, curve, np.repeat(latent, len(curve), axis=0), 0.0)
-        if timed.reference is None:
+        timed = solver.timer.timed_curve(state, JointCurve(curve, np.repeat(latent, len(curve), axis=0), 0.0))
+        if isinstance(timed, Refusal):
             continue
         certificate, met = solver.certifier.assess(timed.swept, obstacles, requirement)
-        if met is None and solver.certifier.unseen(timed.swept, seen) is None:
-            verdict = Verdict(VerdictCode.OK, clearance=float(np.min(certificate.clearance)))
+        if not (met or solver.certifier.unseen(timed.swept, seen)):
+            verdict = Verdict(figures=Figures(clearance=float(np.min(certificate.clearance))))
             return Plan(solver.certifier.judged(timed.reference, certificate), state.time, verdict)
     return None

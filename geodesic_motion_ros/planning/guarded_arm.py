@@ -18,7 +18,7 @@ from geodesic_motion_ros.planning.played import Followed
 from geodesic_motion_ros.planning.query import ArmGoal, ArmQuery, QueryBuilder
 from geodesic_motion_ros.planning.settings import PlannerSettings
 from geodesic_motion_ros.planning.solver import Solver
-from geodesic_motion_ros.planning.status import Verdict, VerdictCode
+from geodesic_motion_ros.planning.status import Refusal, VerdictCode
 from geodesic_motion_ros.robot.collision_model import CollisionModel
 from geodesic_motion_ros.robot.held_objects import HeldObject
 from geodesic_motion_ros.robot.limits import JointLimits
@@ -71,7 +71,7 @@ class GuardedArm:
             return old.limits
         return JointLimits.of(old.robot, settings.speed_scale, settings.acceleration_scale)
 
-    def goal(self, request: GoalRequest, frame: TaskFrame) -> ArmGoal | Verdict:
+    def goal(self, request: GoalRequest, frame: TaskFrame) -> ArmGoal | Refusal:
         """The goal of a request, or why the request is refused; frame : the task frame."""
         if request.configuration is not None:
             return self.queries.goal_by_configuration(request.configuration, frame)
@@ -81,14 +81,14 @@ class GuardedArm:
             pose = Pose(*frame.to_base(pose.position, pose.quaternion))
         if not robot.within_reach(pose.position):
             distance = np.linalg.norm(pose.position - robot.shoulder)
-            return Verdict(
+            return Refusal(
                 VerdictCode.GOAL_OUT_OF_SUPPORT,
                 f"the goal is {distance:.2f} m from the shoulder; the tool of the {self.solver.skill.robot} reaches "
                 f"{robot.reach:.2f} m",
             )
         return self.queries.goal_by_pose(pose, frame)
 
-    def query_from(self, state: MotionState, followed: Followed | None, goal: ArmGoal) -> ArmQuery | Verdict:
+    def query_from(self, state: MotionState, followed: Followed | None, goal: ArmGoal) -> ArmQuery | Refusal:
         """The query to a goal from where the stream is: the followed one redirected, so that the motion goes on
         smoothly; a new one where the arm is at an end of its path.
         """
@@ -103,7 +103,7 @@ class GuardedArm:
         to a reach [m].
         """
         query = self.queries.build(start, goal)
-        if isinstance(query, Verdict):
+        if isinstance(query, Refusal):
             return Plan(None, 0.0, query)
         still = np.zeros_like(start)
         state = MotionState(obstacles.time, start, still, still, query.start_latent)
@@ -111,22 +111,24 @@ class GuardedArm:
         if plan.verdict.code is not VerdictCode.NO_FEASIBLE_PATH or reach == 0.0:
             return plan
         detour = self.detour(query, obstacles, reach)
-        if isinstance(detour, str):
+        if isinstance(detour, Refusal):
             return without_detour(plan, reach, detour)
         return self.detours.plan(detour, state, obstacles)
 
-    def detour(self, query: ArmQuery, obstacles: Obstacles, reach: float) -> Detour | str:
+    def detour(self, query: ArmQuery, obstacles: Obstacles, reach: float) -> Detour | Refusal:
         """The cheapest detour of up to `reach` [m], or why there is none; where an obstacle covers an end, in the first
         of the other postures that has one.
         """
         found = self.detours.find(query, obstacles, reach)
-        other = self.queries.other_posture(query) if found == COVERED_END else None
-        while other is not None and isinstance(found, str):
+        other = self.queries.other_posture(query) if found is COVERED_END else None
+        while other is not None and isinstance(found, Refusal):
             found = self.detours.find(other, obstacles, reach)
             other = self.queries.other_posture(other)
         return found
 
-    def requested_detour(self, request: DetourRequest, latent: np.ndarray | None, obstacles: Obstacles) -> Detour | str:
+    def requested_detour(
+        self, request: DetourRequest, latent: np.ndarray | None, obstacles: Obstacles
+    ) -> Detour | Refusal:
         """The detour that is requested, from where the arm stands, at a latent point (d,), among expected obstacles."""
         query = request.query
         if np.array_equal(query.start, request.position):
@@ -135,7 +137,7 @@ class GuardedArm:
         if latent is not None:
             here = self.queries.redirected(query, request.position, latent, request.goal)
         here = here or self.queries.build(request.position, request.goal)
-        return here.reason if isinstance(here, Verdict) else self.detour(here, obstacles, request.reach)
+        return here if isinstance(here, Refusal) else self.detour(here, obstacles, request.reach)
 
 
 @dataclass(frozen=True, eq=False)

@@ -15,7 +15,7 @@ from geodesic_motion_ros.planning.retry import Asked, Question, Workings
 from geodesic_motion_ros.planning.settings import Attempt
 from geodesic_motion_ros.planning.situation import Situation
 from geodesic_motion_ros.planning.solver import Solver
-from geodesic_motion_ros.planning.status import Verdict, VerdictCode
+from geodesic_motion_ros.planning.status import Refusal, VerdictCode
 
 
 @dataclass(frozen=True)
@@ -33,7 +33,7 @@ class Blocked:
     question: Question
     origin: ArmQuery
     attempts: frozenset[Attempt]
-    verdict: Verdict
+    verdict: Refusal
     unfinished: bool = False
 
 
@@ -41,12 +41,12 @@ class Blocked:
 class DetourSearch:
     """The search of a detour that was begun last: its job, its request, and why its detour is not followed.
 
-    refusal : "" as long as no detour was found, or the one that was found is not refused.
+    refusal : None as long as no detour was found, or the one that was found is not refused.
     """
 
     job: DetourJob
     request: DetourRequest
-    refusal: str = ""
+    refusal: Refusal | None = None
 
     def found(self, request: DetourRequest) -> Detour | None:
         """The detour of the job, where it serves a request: from and to the same, no farther off than that allows."""
@@ -55,11 +55,12 @@ class DetourSearch:
             return None
         return detour if self.request.reach <= request.reach or detour.displacement <= request.reach else None
 
-    def reason(self, request: DetourRequest, now: float) -> str:
-        """Why there is no detour for a request at `now` [s]; "" where that is not known."""
+    def refusal_of(self, request: DetourRequest, now: float) -> Refusal | None:
+        """Return why there is no detour for a request at `now` [s]; None where that is not known."""
         if not self.request.question.holds_for(request.question) or not self.job.done(now):
-            return ""
-        return self.refusal if isinstance(self.job.result, Detour) else self.job.result
+            return None
+        result = self.job.result
+        return result if isinstance(result, Refusal) else self.refusal
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,7 +79,7 @@ class AttemptMemory:
     """
 
     without_path: ArmQuery | None = None
-    refusal: Verdict | None = None
+    refusal: Refusal | None = None
     attempted: int = 0
     blocked: Blocked | None = None
     asked: Mapping[str, Asked] = field(default_factory=dict)
@@ -97,7 +98,7 @@ class AttemptMemory:
         return blocked.origin if blocked is not None and blocked.question.about is query else query
 
     def chosen_attempts(
-        self, solver: Solver, query: ArmQuery, situation: Situation, is_taken: Callable[[Verdict], bool]
+        self, solver: Solver, query: ArmQuery, situation: Situation, is_taken: Callable[[Refusal], bool]
     ) -> tuple[tuple[Attempt, ...], AttemptMemory]:
         """The attempts of this tick, by an arm that follows no path to a query's goal, and the memory of them.
 
@@ -133,19 +134,19 @@ class AttemptMemory:
         without = out_of_time or plan.verdict.code is VerdictCode.NO_FEASIBLE_PATH
         if without and situation.expected.is_static and situation.at_rest:
             question = Question(query, situation.obstacles)
-            before = blocked or Blocked(question, query, frozenset(), plan.verdict)
+            before = blocked or Blocked(question, query, frozenset(), plan.refusal)
             # The first time all attempts share a tick, and its deadline; later each attempt has a tick of its own.
             shared = out_of_time and query is not self.without_path
             tried = before.attempts if shared else before.attempts.union(attempts)
             unfinished = before.unfinished or (out_of_time and not shared)
-            still = Blocked(question, before.origin, tried, plan.verdict, unfinished)
+            still = Blocked(question, before.origin, tried, plan.refusal, unfinished)
         if plan.trajectory is not None:
             return replace(self, without_path=None, blocked=still, blocked_since=math.inf, detour=None)
         since = min(self.blocked_since, situation.now)
-        return replace(self, without_path=query, refusal=plan.verdict, blocked=still, blocked_since=since)
+        return replace(self, without_path=query, refusal=plan.refusal, blocked=still, blocked_since=since)
 
-    def interrupted(self, verdict: Verdict) -> AttemptMemory:
+    def interrupted(self, verdict: Refusal) -> AttemptMemory:
         """The memory after a tick that had no time for the approach that a verdict asks for: all is attempted again."""
-        if self.blocked is None or not verdict.goal_covered:
+        if self.blocked is None or not verdict.figures.goal_covered:
             return self
         return replace(self, blocked=replace(self.blocked, unfinished=True))

@@ -23,6 +23,7 @@ from geodesic_motion_ros.planning.plan import MotionState
 from geodesic_motion_ros.planning.query import ArmQuery
 from geodesic_motion_ros.planning.search import LatentPath
 from geodesic_motion_ros.planning.settings import PlannerSettings
+from geodesic_motion_ros.planning.status import Refusal, VerdictCode
 from geodesic_motion_ros.robot.limits import JointLimits
 from geodesic_motion_ros.trajectory.limited_tool import LimitedTool
 from geodesic_motion_ros.trajectory.timing import timed_joint_reference
@@ -30,22 +31,32 @@ from geodesic_motion_ros.trajectory.trajectory import JointReference
 
 
 @dataclass(frozen=True)
-class TimedPath:
-    """A path with times: smoothed into a latent curve (m, d), decoded and timed; without a reference, why it has none.
+class JointCurve:
+    """The configurations (m, eta) [rad] of a path that meets its ends, and its latent points (m, d).
 
-    objection : why it has none. correction : how far the ends of the path were moved [rad].
+    correction : how far the ends of the path were moved for that [rad].
+    """
+
+    configurations: np.ndarray
+    latent: np.ndarray
+    correction: float
+
+
+@dataclass(frozen=True)
+class TimedPath:
+    """A path with times: smoothed into a latent curve (m, d), decoded and timed.
+
+    correction : as of `JointCurve`.
     """
 
     latent: np.ndarray
     certifier: ArmCertifier
-    objection: str = ""
-    correction: float = 0.0
-    reference: JointReference | None = None
+    reference: JointReference
+    correction: float
 
     @cached_property
     def swept(self) -> SweptArm:
         """Where the reference takes the arm."""
-        assert self.reference is not None
         return self.certifier.swept(self.reference)
 
 
@@ -67,37 +78,38 @@ class PathTimer:
         self._joint_width = smoothing * self._width
         self._limits, self._tool, self._certifier = limits, tool, certifier
 
-    def timed(self, query: ArmQuery, state: MotionState, path: LatentPath, to_goal: bool, longest: float) -> TimedPath:
-        """The motion along a path, by its configurations (`joint_curve`)."""
-        latent, found = self.joint_curve(query, state.position, path, to_goal)
-        if isinstance(found, str):
-            return TimedPath(latent, self._certifier, found)
-        curve, correction = found
-        return self.timed_curve(state, curve, latent, correction, longest)
+    def timed(
+        self, query: ArmQuery, state: MotionState, path: LatentPath, to_goal: bool, longest: float
+    ) -> TimedPath | Refusal:
+        """The motion along a path, by its configurations (`joint_curve`); or why there is none."""
+        curve = self.joint_curve(query, state.position, path, to_goal)
+        if isinstance(curve, Refusal):
+            return curve
+        return self.timed_curve(state, curve, longest)
 
     def joint_curve(
         self, query: ArmQuery, start: np.ndarray, path: LatentPath, to_goal: bool
-    ) -> tuple[np.ndarray, tuple[np.ndarray, float] | str]:
-        """Smooth a path, decode, transport, meet the ends exactly: the latent curve (m, d), and the configurations
-        (m, eta) with how far [rad] their ends were moved; or why the arm cannot hold it.
-        """
+    ) -> JointCurve | Refusal:
+        """Smooth a path, decode, transport, meet the ends exactly; or return why the arm cannot hold it."""
         latent = smooth_latent(resample_latent(path.polyline, self._step), self._width)
-        configurations, objection = query.configurations_along(latent, start)
-        if objection:
-            return latent, objection
+        configurations = query.configurations_along(latent, start)
+        if isinstance(configurations, Refusal):
+            return configurations
         curve = smooth_latent(configurations, self._joint_width)
-        return latent, meeting(curve, start, query.goal if to_goal else curve[-1])
+        return meeting(curve, latent, start, query.goal if to_goal else curve[-1])
 
     def timed_curve(
-        self, state: MotionState, curve: np.ndarray, latent: np.ndarray, correction: float, longest: float = math.inf
-    ) -> TimedPath:
-        """Time configurations (m, eta) that begin where the arm is, with their latent points (m, d)."""
+        self, state: MotionState, curve: JointCurve, longest: float = math.inf
+    ) -> TimedPath | Refusal:
+        """Time a curve that begins where the arm is; or return why no motion along it takes less than `longest` [s]."""
         reference = timed_joint_reference(
-            curve, latent, self._limits, state.velocity, state.acceleration, tool=self._tool, longest=longest
-        )
+            curve.configurations, curve.latent, self._limits, state.velocity, state.acceleration, tool=self._tool,
+            longest=longest,
+        )  # fmt: skip
         if reference is None:
-            return TimedPath(latent, self._certifier, self._untimed(state, curve, longest))
-        return TimedPath(latent, self._certifier, "", correction, reference)
+            reason = self._untimed(state, curve.configurations, longest)
+            return Refusal(VerdictCode.NO_FEASIBLE_PATH, reason)
+        return TimedPath(curve.latent, self._certifier, reference, curve.correction)
 
     def _untimed(self, state: MotionState, curve: np.ndarray, longest: float) -> str:
         """Why there is no motion along configurations (m, eta) from a state, within `longest` [s]."""
@@ -113,12 +125,12 @@ class PathTimer:
         return "no motion from rest along the path to the goal keeps the limits of the joints and of the tool"
 
 
-def meeting(path: np.ndarray, start: np.ndarray, goal: np.ndarray) -> tuple[np.ndarray, float]:
+def meeting(path: np.ndarray, latent: np.ndarray, start: np.ndarray, goal: np.ndarray) -> JointCurve:
     """A path (m, eta) moved linearly along its arc so that it begins and ends at two configurations.
 
-    Also how far [rad] its ends were moved.
+    latent : (m, d) latent points of the path.
     """
     share = arc_length_fractions(path)[:, None]
     at_start, at_goal = start - path[0], goal - path[-1]
     moved = float(max(np.linalg.norm(at_start), np.linalg.norm(at_goal)))
-    return path + (1.0 - share) * at_start + share * at_goal, moved
+    return JointCurve(path + (1.0 - share) * at_start + share * at_goal, latent, moved)

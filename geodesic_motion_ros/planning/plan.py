@@ -9,7 +9,7 @@ import numpy as np
 from geodesic_motion_ros.planning.certificate import JudgedTrajectory
 from geodesic_motion_ros.planning.mode import Mode
 from geodesic_motion_ros.planning.search import LatentPath
-from geodesic_motion_ros.planning.status import Verdict
+from geodesic_motion_ros.planning.status import Refusal, Verdict
 from geodesic_motion_ros.trajectory.trajectory import JointReference
 
 
@@ -35,6 +35,12 @@ class Plan:
     path: LatentPath | None = None
     optimistic: bool = False
     mode: Mode = Mode.IDLE
+
+    @property
+    def refusal(self) -> Refusal:
+        """The verdict of a plan that comes to no path."""
+        assert isinstance(self.verdict, Refusal)
+        return self.verdict
 
     @property
     def reference(self) -> JointReference | None:

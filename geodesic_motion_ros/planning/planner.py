@@ -39,7 +39,7 @@ from geodesic_motion_ros.planning.query import ArmGoal
 from geodesic_motion_ros.planning.settings import PlannerSettings
 from geodesic_motion_ros.planning.situation import Situation
 from geodesic_motion_ros.planning.solver import Solver
-from geodesic_motion_ros.planning.status import Verdict, VerdictCode
+from geodesic_motion_ros.planning.status import Refusal, Verdict, VerdictCode
 from geodesic_motion_ros.planning.stream import Stream
 from geodesic_motion_ros.planning.tracking import Tracking
 from geodesic_motion_ros.planning.warm_up import load_kernels
@@ -160,7 +160,7 @@ class ReactivePlanner:
 
     def prepared_goal(
         self, position: np.ndarray, quaternion: np.ndarray, in_task_frame: bool = False
-    ) -> PreparedGoal | Verdict:
+    ) -> PreparedGoal | Refusal:
         """Do the work that takes time of requesting a goal pose: any thread may do it while another one ticks.
 
         BAD_INPUT, GOAL_OUT_OF_SUPPORT or IN_COLLISION where the goal is refused.
@@ -169,58 +169,58 @@ class ReactivePlanner:
         ----------
         position, quaternion : (3,) [m] and (4,) in the base frame, or in the task frame, with which it then moves.
         """
-        pose, reason = checked_pose("goal", position, quaternion)
-        if pose is None:
-            return Verdict(VerdictCode.BAD_INPUT, reason)
+        pose = checked_pose("goal", position, quaternion)
+        if isinstance(pose, Refusal):
+            return pose
         return self._prepared(GoalRequest(pose, in_task_frame), self._inputs.frame)
 
-    def prepared_configuration(self, configuration: np.ndarray) -> PreparedGoal | Verdict:
+    def prepared_configuration(self, configuration: np.ndarray) -> PreparedGoal | Refusal:
         """`prepared_goal` for a goal configuration (eta,) [rad]."""
-        checked, reason = self._checked("goal", configuration)
-        if checked is None:
-            return Verdict(VerdictCode.BAD_INPUT, reason)
+        checked = self._checked("goal", configuration)
+        if isinstance(checked, Refusal):
+            return checked
         return self._prepared(GoalRequest(configuration=checked), self._inputs.frame)
 
-    def prepared_again(self) -> PreparedGoal | Verdict:
+    def prepared_again(self) -> PreparedGoal | Refusal:
         """The requested goal, prepared anew as the task frame has moved; NO_GOAL before the first."""
         requested = self._mission.requested
         if requested is None:
-            return Verdict(VerdictCode.NO_GOAL, "no goal has been given")
+            return Refusal(VerdictCode.NO_GOAL, "no goal has been given")
         return self._prepared(requested.request, self._inputs.frame)
 
-    def _prepared(self, request: GoalRequest, frame: TaskFrame) -> PreparedGoal | Verdict:
+    def _prepared(self, request: GoalRequest, frame: TaskFrame) -> PreparedGoal | Refusal:
         """The goal with its query from where the stream is about to be, so that ticks remain short."""
         goal = self._arm.goal(request, frame)
         # The thread that ticks may replace these meanwhile.
         generation, played, followed = self._generation, self._stream.played, self._stream.followed
-        kept = not isinstance(goal, Verdict) and self._mission.needs_no_query(goal)
+        kept = not isinstance(goal, Refusal) and self._mission.needs_no_query(goal)
         begin = self._ticked + self.settings.latency
         state = None if kept or played is None else played.state_at_switch(begin, followed)
         if state is not None and not np.any(state.velocity) and request.pose is not None:
             goal = self._arm.queries.goal_in_place(request.pose, frame, state.position) or goal
-        if isinstance(goal, Verdict):
+        if isinstance(goal, Refusal):
             return goal
         prepared = PreparedGoal(request, frame, goal, None, generation)
         if state is None:
             return prepared
         found = self._arm.query_from(state, followed, goal)
-        return prepared if isinstance(found, Verdict) else replace(prepared, query=found)
+        return prepared if isinstance(found, Refusal) else replace(prepared, query=found)
 
-    def take_goal(self, prepared: PreparedGoal | Verdict) -> Verdict:
+    def take_goal(self, prepared: PreparedGoal | Refusal) -> Verdict:
         """Make a prepared goal the one that ticks plan to.
 
         If it differs from the present goal by less than `NEAR_GOAL`, 2 mm and 0.01 rad, the switch waits until the arm
         rests. If it was refused, the present goal stays, and the refusal is returned. The reason of an OK verdict
         states how the goal configuration was chosen.
         """
-        if isinstance(prepared, Verdict):
+        if isinstance(prepared, Refusal):
             return prepared
         mission = replace(self._mission, requested=prepared)
         if not mission.defers(prepared.goal):
             # A stale query begins where the arm is no more.
             mission = mission.activated(prepared, prepared.query if prepared.generation == self._generation else None)
         self._mission = mission
-        return Verdict(VerdictCode.OK, f"goal: {prepared.goal.stated}")
+        return Verdict(reason=f"goal: {prepared.goal.stated}")
 
     def set_task_frame(self, position: np.ndarray, quaternion: np.ndarray) -> Verdict:
         """Say where the frame that the skill was demonstrated in stands now: (3,) [m] and (4,) in the base frame.
@@ -232,7 +232,7 @@ class ReactivePlanner:
         if not verdict.ok or self._mission.requested is None:
             return verdict
         prepared = self.prepared_again()
-        if isinstance(prepared, Verdict):
+        if isinstance(prepared, Refusal):
             self.clear_goal()
         return self.take_goal(prepared)
 
@@ -240,15 +240,15 @@ class ReactivePlanner:
         """`set_task_frame` without the goal: the caller prepares it again (`prepared_again`), which takes time, and
         takes it.
         """
-        pose, reason = checked_pose("task frame", position, quaternion)
-        if pose is None:
-            return Verdict(VerdictCode.BAD_INPUT, reason)
+        pose = checked_pose("task frame", position, quaternion)
+        if isinstance(pose, Refusal):
+            return pose
         frame = TaskFrame(pose.position, pose.quaternion)
         if not (frame.is_identity or self._arm.queries.follows_task_frame):
             reason = "a skill of joint space cannot follow a task frame that is not the base frame"
-            return Verdict(VerdictCode.BAD_INPUT, reason)
+            return Refusal(VerdictCode.BAD_INPUT, reason)
         self._inputs = replace(self._inputs, frame=frame)
-        return Verdict(VerdictCode.OK)
+        return Verdict()
 
     def clear_goal(self) -> None:
         """Forget the goal; ticks answer NO_GOAL until the next."""
@@ -266,7 +266,7 @@ class ReactivePlanner:
             centres, radii = real_array("obstacle centres", centres, ("o", 3)), real_array("radii", radii, ("o",))
             velocities = None if velocities is None else real_array("obstacle velocities", velocities, ("o", 3))
         except PlanningError as error:
-            return Verdict(VerdictCode.BAD_INPUT, str(error))
+            return Refusal(VerdictCode.BAD_INPUT, str(error))
         return self.take_obstacles(Obstacles.of_spheres(centres, radii, velocities, time))
 
     @property
@@ -281,9 +281,9 @@ class ReactivePlanner:
         """
         objection = obstacles.objection()
         if objection:
-            return Verdict(VerdictCode.BAD_INPUT, objection)
+            return Refusal(VerdictCode.BAD_INPUT, objection)
         self._inputs = self._inputs.with_obstacles(obstacles, self._ticked)
-        return Verdict(VerdictCode.OK)
+        return Verdict()
 
     @property
     def tracking(self) -> Tracking:
@@ -311,11 +311,11 @@ class ReactivePlanner:
         try:
             check_number("detour [m]", reach, 0.0, constants.LARGEST_DETOUR)
         except PlanningError as error:
-            return Verdict(VerdictCode.BAD_INPUT, str(error))
+            return Refusal(VerdictCode.BAD_INPUT, str(error))
         if reach > 0.0 and not self.may_detour:
-            return Verdict(VerdictCode.BAD_INPUT, f"detour {reach} m: it is not known what stands around the arm")
+            return Refusal(VerdictCode.BAD_INPUT, f"detour {reach} m: it is not known what stands around the arm")
         self._reach = float(reach)
-        return Verdict(VerdictCode.OK)
+        return Verdict()
 
     def hold(self, objects: Sequence[HeldObject]) -> Verdict:
         """Say what the hand holds from now on, all of it; nothing: (). Prepares the objects and takes them."""
@@ -325,7 +325,7 @@ class ReactivePlanner:
         """Change settings by their names, those of `CHANGEABLE`: prepares the change and takes it."""
         return self.take_arm(self.prepared_arm(None, **changes))
 
-    def prepared_arm(self, objects: Sequence[HeldObject] | None = None, **changes: Any) -> PreparedArm | Verdict:
+    def prepared_arm(self, objects: Sequence[HeldObject] | None = None, **changes: Any) -> PreparedArm | Refusal:
         """Do the work that takes time of holding other objects, and of changing settings: any thread may do it while
         another one ticks.
 
@@ -340,31 +340,31 @@ class ReactivePlanner:
         fixed = sorted(changes.keys() - set(constants.CHANGEABLE))
         if fixed:
             reason = f"setting {fixed[0]} cannot be changed any more; those that can: {', '.join(constants.CHANGEABLE)}"
-            return Verdict(VerdictCode.BAD_INPUT, reason)
+            return Refusal(VerdictCode.BAD_INPUT, reason)
         try:
             settings = replace(arm.solver.settings, **changes)
             held = arm.objects if objects is None else objects
             check_held(held, self.robot)
             changed = arm.changed(held, settings)
         except (RobotError, PlanningError) as error:
-            return Verdict(VerdictCode.BAD_INPUT, str(error))
+            return Refusal(VerdictCode.BAD_INPUT, str(error))
         if settings != arm.solver.settings:
             # What limits of the tool need is not loaded where it had none.
             load_references(changed.solver.limits, changed.solver.tool)
         query = before
         if before is not None and (objects is not None or settings.obstacle_margin != self.settings.obstacle_margin):
             rebuilt = changed.queries.rebuilt(before)
-            query = None if isinstance(rebuilt, Verdict) else rebuilt
+            query = None if isinstance(rebuilt, Refusal) else rebuilt
         return PreparedArm(changed, before, query)
 
-    def take_arm(self, prepared: PreparedArm | Verdict) -> Verdict:
+    def take_arm(self, prepared: PreparedArm | Refusal) -> Verdict:
         """Count prepared objects and settings from the next tick on, which certifies the motion anew with them.
 
         Attempts and detours with those before are forgotten. Where settings have changed a path that is found anew
         takes the place of the one that is followed; an arm that is too fast slows down on its path first. If the change
         was refused, nothing changes, and the refusal is returned.
         """
-        if isinstance(prepared, Verdict):
+        if isinstance(prepared, Refusal):
             return prepared
         before, self._arm = self._arm.solver, prepared.arm
         solver = self._arm.solver
@@ -387,7 +387,7 @@ class ReactivePlanner:
                 followed, query=same, asked=None, path=None, rejected=None, outdated=outdated
             )
         names = ", ".join(held.name for held in self.held)
-        return Verdict(VerdictCode.OK, f"holding {names or 'nothing'}")
+        return Verdict(reason=f"holding {names or 'nothing'}")
 
     def stand_at(self, configuration: np.ndarray, now: float) -> Plan:
         """Begin the stream anew: the arm stands in a configuration (eta,) [rad] at `now` [s]. The goal stays.
@@ -398,16 +398,16 @@ class ReactivePlanner:
         refused = self._refused(now)
         if refused is not None:
             return refused
-        checked, reason = self._checked("state", configuration)
-        if checked is None:
-            return Plan(None, now, Verdict(VerdictCode.BAD_INPUT, reason))
+        checked = self._checked("state", configuration)
+        if isinstance(checked, Refusal):
+            return Plan(None, now, checked)
         standing = JointReference.standing(checked, np.zeros(self.graph.latent.shape[1]))
         trajectory = self._judged(standing, now)
         self._ticked = now
         self._generation += 1
         self._stream.stand(trajectory, now)
         self._mission, self._memory = replace(self._mission, query=None), AttemptMemory()
-        return Plan(trajectory, now, Verdict(VerdictCode.OK))
+        return Plan(trajectory, now, Verdict())
 
     def _judged(self, reference: JointReference, begin: float) -> JudgedTrajectory:
         """A motion that the arm makes anyway, from a time [s] on, with its certificate, whatever that states."""
@@ -424,16 +424,16 @@ class ReactivePlanner:
                 if not isinstance(deadline, Deadline):
                     raise PlanningError(f"the deadline is {deadline!r:.60}: a Deadline is needed, or NEVER")
         except PlanningError as error:
-            verdict = Verdict(VerdictCode.BAD_INPUT, str(error))
+            verdict = Refusal(VerdictCode.BAD_INPUT, str(error))
             return Plan(None, self._ticked, verdict, mode=Mode.standing(verdict))
         return None
 
-    def _checked(self, what: str, configuration: np.ndarray) -> tuple[np.ndarray | None, str]:
+    def _checked(self, what: str, configuration: np.ndarray) -> np.ndarray | Refusal:
         try:
             checked = self.robot.checked(configuration)
         except RobotError as error:
-            return None, f"{what}: {error}"
-        return self._arm.queries.in_turn(checked), ""
+            return Refusal(VerdictCode.BAD_INPUT, f"{what}: {error}")
+        return self._arm.queries.in_turn(checked)
 
     # ------------------------------------------------------------- planning
 
@@ -452,7 +452,7 @@ class ReactivePlanner:
         check_time("now", now)
         return self._stream.playing(now)
 
-    def braked(self, reference: JointReference, begin: float, verdict: Verdict) -> None:
+    def braked(self, reference: JointReference, begin: float, verdict: Refusal) -> None:
         """Record that the arm fell back to the stop at the end of what was sent: a reference that begins at a time [s].
 
         verdict : why. The next tick plans on from that stop. PlanningError where `begin` is no time.
@@ -482,14 +482,14 @@ class ReactivePlanner:
         self._ticked = now
         situation = self._situation(now, handover_deadline, deadline)
         if situation is None:
-            verdict = Verdict(VerdictCode.STALE_STATE, "where the arm stands is not known yet")
+            verdict = Refusal(VerdictCode.STALE_STATE, "where the arm stands is not known yet")
             return Plan(None, now, verdict, mode=Mode.standing(verdict))
         mission = self._mission
         if situation.at_rest and mission.requested is not None:
             mission = mission.activated(mission.requested, None)
         return self._commit(situation, mission, Arbiter(self._arm, situation, mission, self._memory).decide())
 
-    def stop(self, now: float, verdict: Verdict, handover_deadline: Deadline = NEVER) -> Plan:
+    def stop(self, now: float, verdict: Refusal, handover_deadline: Deadline = NEVER) -> Plan:
         """Come to rest along the path that is followed, for a reason; handover_deadline, BAD_INPUT : as of `tick`."""
         refused = self._refused(now, handover_deadline)
         if refused is not None:
@@ -538,16 +538,16 @@ class ReactivePlanner:
         """
         ends = []
         for name, *given in (("start", start_position, start_quaternion), ("goal", goal_position, goal_quaternion)):
-            pose, reason = checked_pose(name, *given)
-            if pose is None:
-                return Plan(None, 0.0, Verdict(VerdictCode.BAD_INPUT, reason))
+            pose = checked_pose(name, *given)
+            if isinstance(pose, Refusal):
+                return Plan(None, 0.0, pose)
             ends.append(pose)
         commanded = self._stream.commanded(self._ticked)
         start = self._arm.queries.start_by_pose(ends[0], None if commanded is None else commanded[0])
-        if isinstance(start, Verdict):
+        if isinstance(start, Refusal):
             return Plan(None, 0.0, start)
         goal = self._arm.queries.goal_by_pose(ends[1], self._inputs.frame)
-        if isinstance(goal, Verdict):
+        if isinstance(goal, Refusal):
             return Plan(None, 0.0, goal)
         return self.plan_configurations(start, goal)
 

@@ -1,4 +1,4 @@
-"""PosePathPlanner: start pose, goal pose and obstacles -> path of tool poses with its verdict, without a robot.
+"""PosePathPlanner: start pose, goal pose and obstacles -> path of tool poses with its figures, without a robot.
 
 The latent graph is transported to start and goal (`query`), reshaped by the obstacles, searched, and the path found is
 smoothed, decoded and certified. A path has no time: obstacles stand where they are. All poses and obstacles are in the
@@ -7,7 +7,7 @@ frame that the skill was demonstrated in.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -24,9 +24,9 @@ from geodesic_motion_ros.planning.path_clearance import curve_clearances, rotati
 from geodesic_motion_ros.planning.path_smoothing import correct_ends, resample_latent, smooth_latent, smooth_poses
 from geodesic_motion_ros.planning.pose_query import PoseQueryBuilder, checked_pose
 from geodesic_motion_ros.planning.query import PoseQuery
-from geodesic_motion_ros.planning.search import LatentPath, cheapest_path, path_verdict
+from geodesic_motion_ros.planning.search import LatentPath, cheapest_path, judge_path
 from geodesic_motion_ros.planning.settings import MARGIN_MULTIPLES, SMOOTHING_WIDTHS, PlannerSettings
-from geodesic_motion_ros.planning.status import Verdict, VerdictCode
+from geodesic_motion_ros.planning.status import Figures, Refusal, Verdict, VerdictCode
 from geodesic_motion_ros.robot.collision_model import CollisionModel
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.skill.skill import Skill
@@ -41,11 +41,11 @@ class PosePath(PoseCurve):
     Attributes
     ----------
     latent : (m, d) latent points that the poses were decoded from.
-    verdict : OK, with the clearance of the tool's spheres along the path.
+    figures : the clearance is that of the tool's spheres along the path.
     """
 
     latent: np.ndarray
-    verdict: Verdict
+    figures: Figures
 
 
 @dataclass(frozen=True)
@@ -77,7 +77,7 @@ class PosePathPlanner:
         BAD_INPUT names the first obstacle that is not finite or has no positive radius; then the old ones stay.
         """
         spheres = checked_spheres(centres, radii)
-        return spheres if isinstance(spheres, Verdict) else self.take_obstacles(spheres)
+        return spheres if isinstance(spheres, Refusal) else self.take_obstacles(spheres)
 
     def take_obstacles(self, obstacles: Obstacles) -> Verdict:
         """Replace all obstacles by others of every kind, at the places where they are now: velocities are ignored.
@@ -86,9 +86,9 @@ class PosePathPlanner:
         """
         objection = obstacles.objection()
         if objection:
-            return Verdict(VerdictCode.BAD_INPUT, objection)
+            return Refusal(VerdictCode.BAD_INPUT, objection)
         self._obstacles = obstacles.swept(0.0, count=1).distinct()
-        return Verdict(VerdictCode.OK)
+        return Verdict()
 
     def plan(
         self,
@@ -96,23 +96,23 @@ class PosePathPlanner:
         start_quaternion: np.ndarray,
         goal_position: np.ndarray,
         goal_quaternion: np.ndarray,
-    ) -> PosePath | Verdict:
+    ) -> PosePath | Refusal:
         """The path between two poses, (3,) [m] and (4,) each, or why there is none.
 
         BAD_INPUT, START_OUT_OF_SUPPORT, GOAL_OUT_OF_SUPPORT: as of `query`. IN_COLLISION: the tool overlaps an obstacle
         at the start. NO_FEASIBLE_PATH: an obstacle covers the goal, or no path is certified.
         """
         query = self.query(start_position, start_quaternion, goal_position, goal_quaternion)
-        if isinstance(query, Verdict):
+        if isinstance(query, Refusal):
             return query
         obstacles = self._obstacles if self.settings.avoidance else Obstacles.none()
         here, there = (self._clearance_at(pose, obstacles) for pose in (query.start, query.goal))
         if not here > 0.0:
             reason = f"the tool overlaps an obstacle by {-1000 * here:.0f} mm where it stands"
-            return Verdict(VerdictCode.IN_COLLISION, reason, clearance=here, **query.misfits)
+            return Refusal(VerdictCode.IN_COLLISION, reason, replace(query.misfits, clearance=here))
         if not there > 0.0:
             reason = f"an obstacle covers the goal by {-1000 * there:.0f} mm"
-            return Verdict(VerdictCode.NO_FEASIBLE_PATH, reason, **query.misfits)
+            return Refusal(VerdictCode.NO_FEASIBLE_PATH, reason, query.misfits)
         return self._searched(query, evaluation_of(query, obstacles, self.settings), min(here, there))
 
     def query(
@@ -121,32 +121,33 @@ class PosePathPlanner:
         start_quaternion: np.ndarray,
         goal_position: np.ndarray,
         goal_quaternion: np.ndarray,
-    ) -> PoseQuery | Verdict:
+    ) -> PoseQuery | Refusal:
         """The graph transported to a start and a goal, as of `plan`, or why it cannot be.
 
         BAD_INPUT: numbers that are not finite, or not of a pose. START_OUT_OF_SUPPORT, GOAL_OUT_OF_SUPPORT: a pose too
         far from what was demonstrated.
         """
-        start, start_reason = checked_pose("start", start_position, start_quaternion)
-        goal, goal_reason = checked_pose("goal", goal_position, goal_quaternion)
-        if start is None or goal is None:
-            return Verdict(VerdictCode.BAD_INPUT, start_reason or goal_reason)
-        verdict = self._queries.goal_verdict([goal])
-        return self._queries.transport(start, [goal]) if verdict.ok else verdict
+        start = checked_pose("start", start_position, start_quaternion)
+        if isinstance(start, Refusal):
+            return start
+        goal = checked_pose("goal", goal_position, goal_quaternion)
+        if isinstance(goal, Refusal):
+            return goal
+        return self._queries.goal_refusal([goal]) or self._queries.transport(start, [goal])
 
     def _clearance_at(self, pose: Pose, obstacles: Obstacles) -> float:
         """Clearance [m] of the tool's spheres at a pose."""
         body = tool_points(pose.position[None], pose.quaternion[None], self._points)
         return float(obstacle_clearances(body, self._point_radii, obstacles, np.inf)[0])
 
-    def _searched(self, query: PoseQuery, evaluation: NodeEvaluation, at_ends: float) -> PosePath | Verdict:
+    def _searched(self, query: PoseQuery, evaluation: NodeEvaluation, at_ends: float) -> PosePath | Refusal:
         """Search and smooth until an attempt is certified; at_ends : smaller clearance [m] of start and goal."""
-        refused: Verdict | None = None
+        refused: Refusal | None = None
         for multiple in MARGIN_MULTIPLES:
             # Ends closer to an obstacle than the margin may stay so, but the path must not come closer than they are.
             margin = min(multiple * self.settings.obstacle_margin, 0.5 * at_ends)
             found = cheapest_path(self.graph, query, query.start_latent, evaluation, margin)
-            if isinstance(found, Verdict):
+            if isinstance(found, Refusal):
                 return found
             for widths in SMOOTHING_WIDTHS:
                 path = self._certified(query, found, widths)
@@ -156,20 +157,20 @@ class PosePathPlanner:
         assert refused is not None
         return refused
 
-    def _certified(self, query: PoseQuery, found: LatentPath, widths: tuple[float, float]) -> PosePath | Verdict:
+    def _certified(self, query: PoseQuery, found: LatentPath, widths: tuple[float, float]) -> PosePath | Refusal:
         """Smooth and decode a latent path, meet both ends exactly, and judge the poses."""
         path = smoothed_path(self.graph, query, found.polyline, widths)
         start, goal = ((pose.position, pose.quaternion) for pose in (query.start, query.goal))
         correction = max(float(np.linalg.norm(path.positions[at] - end[0])) for at, end in ((0, start), (-1, goal)))
         curve = PoseCurve(*correct_ends(path.positions, path.quaternions, start, goal))
         nearest = self._clearance_along(curve)
-        objection = None
+        objection = ""
         if self.settings.avoidance and not nearest > 0.0:
             objection = f"the best path {nearness(nearest)}"
-        verdict = path_verdict(self.skill, self.graph, query, path.sigma, found, nearest, correction, objection)
-        if not verdict.ok:
-            return verdict
-        return PosePath(curve.positions, continuous_signs(curve.quaternions), path.latent, verdict)
+        figures = judge_path(self.skill, self.graph, query, path.sigma, found, nearest, correction, objection)
+        if isinstance(figures, Refusal):
+            return figures
+        return PosePath(curve.positions, continuous_signs(curve.quaternions), path.latent, figures)
 
     def _clearance_along(self, curve: PoseCurve) -> float:
         """Guaranteed clearance [m] of the tool's spheres along a curve, between its samples too; inf without any."""
@@ -179,14 +180,14 @@ class PosePathPlanner:
         return float(np.min(curve_clearances(points, self._point_radii, allowances, self._obstacles)))
 
 
-def checked_spheres(centres: np.ndarray, radii: np.ndarray) -> Obstacles | Verdict:
+def checked_spheres(centres: np.ndarray, radii: np.ndarray) -> Obstacles | Refusal:
     """Spheres, centres (o, 3) and radii (o,) [m], as obstacles; BAD_INPUT where the shapes are others."""
     centres, radii = np.array(centres, dtype=float), np.array(radii, dtype=float)
     if centres.size == radii.size == 0:
         return Obstacles.none()
     if radii.ndim != 1 or centres.shape != (len(radii), 3):
         reason = f"obstacle centres have shape {centres.shape} and radii {radii.shape}: expected (o, 3) and (o,)"
-        return Verdict(VerdictCode.BAD_INPUT, reason)
+        return Refusal(VerdictCode.BAD_INPUT, reason)
     return Obstacles.of_spheres(centres, radii)
 
 

@@ -39,7 +39,7 @@ from geodesic_motion_ros.planning.query import (
     edges_in_scene,
 )
 from geodesic_motion_ros.planning.settings import PlannerSettings
-from geodesic_motion_ros.planning.status import Verdict, VerdictCode
+from geodesic_motion_ros.planning.status import Refusal, VerdictCode
 from geodesic_motion_ros.robot.collision_model import CollisionModel
 from geodesic_motion_ros.robot.inverse_kinematics import solve
 from geodesic_motion_ros.robot.kinematics import Robot
@@ -49,19 +49,20 @@ from geodesic_motion_ros.utils.checked_numbers import LARGEST_NUMBER, real_array
 from geodesic_motion_ros.utils.errors import PlanningError, RobotError
 
 
-def checked_pose(end: str, position: np.ndarray, quaternion: np.ndarray) -> tuple[Pose | None, str]:
-    """A pose with a unit quaternion, or None and what is wrong with it: numbers up to LARGEST_NUMBER are expected."""
+def checked_pose(end: str, position: np.ndarray, quaternion: np.ndarray) -> Pose | Refusal:
+    """Return a pose with a unit quaternion, or what is wrong with it: numbers up to LARGEST_NUMBER are expected."""
     try:
         position = real_array(f"{end} position", position, (3,))
         quaternion = real_array(f"{end} quaternion", quaternion, (4,))
     except PlanningError as error:
-        return None, str(error)
+        return Refusal(VerdictCode.BAD_INPUT, str(error))
     if not np.all(np.abs(np.append(position, quaternion)) <= LARGEST_NUMBER):
         numbers = f"{end} position {position.tolist()}, quaternion {quaternion.tolist()}"
-        return None, f"{numbers}: must be finite, at most {LARGEST_NUMBER:g}"
+        return Refusal(VerdictCode.BAD_INPUT, f"{numbers}: must be finite, at most {LARGEST_NUMBER:g}")
     if np.linalg.norm(quaternion) < 1e-6:
-        return None, f"{end} quaternion {quaternion.tolist()} is zero: expected a unit quaternion (w, x, y, z)"
-    return Pose(position, normalise(quaternion)), ""
+        reason = f"{end} quaternion {quaternion.tolist()} is zero: expected a unit quaternion (w, x, y, z)"
+        return Refusal(VerdictCode.BAD_INPUT, reason)
+    return Pose(position, normalise(quaternion))
 
 
 @dataclass(frozen=True, eq=False)
@@ -118,10 +119,10 @@ class PostureLift:
     posture: Posture
     swivel: int
 
-    def configurations_along(self, query: ArmQuery, latent: np.ndarray, start: np.ndarray) -> tuple[np.ndarray, str]:
+    def configurations_along(self, query: ArmQuery, latent: np.ndarray, start: np.ndarray) -> np.ndarray | Refusal:
         positions, quaternions, progress = _poses_along(query, self.frame, latent)
         path = solve_beside(self.robot, positions, quaternions, start, self.posture, _tau(query, progress))
-        return path.configurations, path.objection(self.robot)
+        return path.refusal(self.robot) or path.configurations
 
     def turned_to_base(self, covariances: np.ndarray) -> np.ndarray:
         return self.frame.covariances_to_base(covariances)
@@ -169,19 +170,18 @@ class PoseQueryBuilder(QueryBuilder[Pose]):
 
     # ------------------------------------------------------ ends of an arm
 
-    def goal_by_pose(self, pose: Pose, frame: TaskFrame) -> PoseGoal | Verdict:
+    def goal_by_pose(self, pose: Pose, frame: TaskFrame) -> PoseGoal | Refusal:
         goal = PoseGoal(pose, frame)
-        verdict = self.goal_verdict(goal.outputs)
-        return goal if verdict.ok else verdict
+        return self.goal_refusal(goal.outputs) or goal
 
-    def goal_by_configuration(self, configuration: np.ndarray, frame: TaskFrame) -> PoseGoal | Verdict:
+    def goal_by_configuration(self, configuration: np.ndarray, frame: TaskFrame) -> PoseGoal | Refusal:
         """The pose of the tool in a configuration (eta,) [rad]; the posture at the goal follows from the start."""
         return self.goal_by_pose(self._pose(configuration), frame)
 
     def goal_in_place(self, pose: Pose, frame: TaskFrame, standing: np.ndarray) -> PoseGoal | None:
         """None: the posture at the goal follows from the start anyway."""
 
-    def start_by_pose(self, pose: Pose, commanded: np.ndarray | None = None) -> np.ndarray | Verdict:
+    def start_by_pose(self, pose: Pose, commanded: np.ndarray | None = None) -> np.ndarray | Refusal:
         """The configuration (eta,) that holds the tool in a pose: the commanded one, where that does; else the one
         nearest to `ready`.
         """
@@ -190,7 +190,7 @@ class PoseQueryBuilder(QueryBuilder[Pose]):
         try:
             return solve(self._robot, pose.position, pose.quaternion)
         except RobotError as error:
-            return Verdict(VerdictCode.START_OUT_OF_SUPPORT, str(error))
+            return Refusal(VerdictCode.START_OUT_OF_SUPPORT, str(error))
 
     def in_turn(self, configuration: np.ndarray) -> np.ndarray:
         """The configuration (eta,) itself: nodes are held from where the arm is."""
@@ -201,20 +201,20 @@ class PoseQueryBuilder(QueryBuilder[Pose]):
 
     # -------------------------------------------------------------- postures
 
-    def rebuilt(self, query: ArmQuery) -> ArmQuery | Verdict:
+    def rebuilt(self, query: ArmQuery) -> ArmQuery | Refusal:
         lift = _lift_of(query)
         return self._in_posture(self._as_poses(query), lift.frame, query.start, lift.swivel)
 
     def other_posture(self, query: ArmQuery) -> ArmQuery | None:
         lift = _lift_of(query)
         found = self._held(self._as_poses(query), lift.frame, query.start, lift.swivel + 1)
-        return None if isinstance(found, Verdict) else found
+        return None if isinstance(found, Refusal) else found
 
     def first_posture(self, query: ArmQuery) -> ArmQuery:
         """The same query in the posture that follows from the start by steps of least norm, or the next that serves."""
         lift = _lift_of(query)
         found = self._held(self._as_poses(query), lift.frame, query.start) if lift.swivel else query
-        assert not isinstance(found, Verdict)
+        assert not isinstance(found, Refusal)
         return found
 
     def _as_poses(self, query: ArmQuery) -> Query[Pose]:
@@ -222,29 +222,29 @@ class PoseQueryBuilder(QueryBuilder[Pose]):
         transported = self._between(*query.ends, query.task_start, query.along_mean_paths)
         return replace(transported, displaced=query.displaced)
 
-    def _held(self, query: Query[Pose], frame: TaskFrame, start: np.ndarray, first: int = 0) -> ArmQuery | Verdict:
+    def _held(self, query: Query[Pose], frame: TaskFrame, start: np.ndarray, first: int = 0) -> ArmQuery | Refusal:
         """A query of poses for the arm in a configuration (eta,) at its start, with the first swivel from a number on
         with which it can hold the base path; or why it cannot with that one.
         """
-        refusal: Verdict | None = None
+        refusal: Refusal | None = None
         for swivel in range(first, len(constants.SWIVELS)):
             found = self._in_posture(query, frame, start, swivel)
-            if not isinstance(found, Verdict):
+            if not isinstance(found, Refusal):
                 return found
             refusal = refusal or found
-        return refusal or Verdict(VerdictCode.NO_FEASIBLE_PATH, "no other posture is left", **query.misfits)
+        return refusal or Refusal(VerdictCode.NO_FEASIBLE_PATH, "no other posture is left", query.misfits)
 
-    def _in_posture(self, query: Query[Pose], frame: TaskFrame, start: np.ndarray, swivel: int) -> ArmQuery | Verdict:
+    def _in_posture(self, query: Query[Pose], frame: TaskFrame, start: np.ndarray, swivel: int) -> ArmQuery | Refusal:
         """A query of poses with the arm in the posture that follows from a configuration (eta,) and a swivel."""
         source = self._graph.node_near(query.start_latent, np.isfinite(query.to_goal), 3)
         if source is None:
             reason = "the start is connected to no part of what was demonstrated"
-            return Verdict(VerdictCode.START_OUT_OF_SUPPORT, reason, **query.misfits)
+            return Refusal(VerdictCode.START_OUT_OF_SUPPORT, reason, query.misfits)
         adjacency = self._graph.adjacency
         nodes, _, _ = shortest_free_path(adjacency, query.graph.base, query.to_goal, source, query.goal_node)
         posture = self._posture(query, frame, nodes, start, swivel)
-        if isinstance(posture, str):
-            return Verdict(VerdictCode.NO_FEASIBLE_PATH, posture, **query.misfits)
+        if isinstance(posture, Refusal):
+            return replace(posture, figures=query.misfits)
         graph: Any = query.graph
         tau = _tau(query, self._graph.progress)
         positions, quaternions = frame.to_base(graph.positions, graph.quaternions)
@@ -268,7 +268,7 @@ class PoseQueryBuilder(QueryBuilder[Pose]):
 
     def _posture(
         self, query: Query[Pose], frame: TaskFrame, nodes: np.ndarray, start: np.ndarray, swivel: int
-    ) -> Posture | str:
+    ) -> Posture | Refusal:
         """The posture along the base path, or where and why the arm cannot hold it."""
         polyline = np.concatenate([query.start_latent[None], self._graph.latent[nodes[1:]]])
         latent = smooth_latent(resample_latent(polyline, self._graph.grid.step), constants.BASE_PATH_SMOOTHING)
@@ -278,7 +278,7 @@ class PoseQueryBuilder(QueryBuilder[Pose]):
         tau = np.maximum.accumulate(_tau(query, progress))
         steps = swivel_steps(constants.SWIVELS[swivel], len(tau))
         path = solve_path(self._robot, positions, quaternions, start, steps)
-        return path.objection(self._robot) or Posture(tau, path.configurations, path.nulls)
+        return path.refusal(self._robot) or Posture(tau, path.configurations, path.nulls)
 
     # ------------------------------------------------------------- the space
 

@@ -20,6 +20,7 @@ import numba
 import numpy as np
 
 from geodesic_motion_ros.planning.settings import SWIVELLED_AT
+from geodesic_motion_ros.planning.status import Refusal, VerdictCode
 from geodesic_motion_ros.robot.inverse_kinematics import pose_difference
 from geodesic_motion_ros.robot.kinematics import (
     Chain,
@@ -83,10 +84,10 @@ class SolvedPath:
     nulls: np.ndarray
     reached: np.ndarray
 
-    def objection(self, robot: Robot, name: str = "the path") -> str:
-        """Where and why the arm cannot hold the path; "" where it can."""
+    def refusal(self, robot: Robot, name: str = "the path") -> Refusal | None:
+        """Return where and why the arm cannot hold the path; None where it can."""
         if np.all(self.reached):
-            return ""
+            return None
         missed = np.flatnonzero(~self.reached)
         share = 100.0 / max(1, len(self.reached) - 1)
         first, last = missed[0], missed[-1]
@@ -96,7 +97,7 @@ class SolvedPath:
         reason = "it does not reach the poses, or is stretched out"
         if np.max(beyond) > 0.0:
             reason = f"limit of joint '{robot.joint_names[joint]}', by {np.max(beyond):.2f} rad"
-        return f"the arm cannot hold {name} {place}: {reason}"
+        return Refusal(VerdictCode.NO_FEASIBLE_PATH, f"the arm cannot hold {name} {place}: {reason}")
 
 
 def swivel_steps(angle: float, samples: int) -> np.ndarray:

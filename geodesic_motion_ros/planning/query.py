@@ -36,7 +36,7 @@ from geodesic_motion_ros.manifold.transport import corrections_at
 from geodesic_motion_ros.manifold.weighted_graph import WeightedGraph
 from geodesic_motion_ros.planning.declared_scene import DeclaredScene
 from geodesic_motion_ros.planning.settings import PlannerSettings
-from geodesic_motion_ros.planning.status import Figures, Verdict, VerdictCode
+from geodesic_motion_ros.planning.status import Figures, Refusal, VerdictCode
 from geodesic_motion_ros.robot.collision_model import CollisionModel
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.skill.sheet import beyond_demonstrated
@@ -105,7 +105,7 @@ class Pole(Generic[Output]):
 class Lift(Protocol):
     """What gives a transported graph its configurations."""
 
-    def configurations_along(self, query: Any, latent: np.ndarray, start: np.ndarray) -> tuple[np.ndarray, str]:
+    def configurations_along(self, query: Any, latent: np.ndarray, start: np.ndarray) -> np.ndarray | Refusal:
         """As of `Query`."""
         ...
 
@@ -128,7 +128,7 @@ class Query(Generic[Output]):
     body : the tool, or the arm, at every node.
     to_goal, from_start : (n,) obstacle-free cost to the goal's node, and from the start's: the search's heuristics.
     cost_limit : paths that cost more count as blocked.
-    misfits : the endpoint errors, how far both ends are moved, under their names in a Verdict.
+    misfits : the endpoint errors, how far both ends are moved, under their names in `Figures`.
     task_start : (k,) offset of the task's start from the demonstrated mean, wherever on the path the query begins.
     along_mean_paths : corrections and conformal factors for it and for that of the goal.
     lift : what gives it its configurations; None: no arm holds it.
@@ -167,9 +167,9 @@ class Query(Generic[Output]):
         """The rest of `displaced` [m] at a progress (1,): it fades towards the goal, as the offset of the start."""
         return self.displaced * (1.0 - float(self.offsets.blended(progress)[0]))
 
-    def configurations_along(self, latent: np.ndarray, start: np.ndarray) -> tuple[np.ndarray, str]:
-        """Configurations (m, eta) of a latent curve (m, d), the first of them near a configuration (eta,), and where
-        and why the arm cannot hold it, "" where it can.
+    def configurations_along(self, latent: np.ndarray, start: np.ndarray) -> np.ndarray | Refusal:
+        """Configurations (m, eta) of a latent curve (m, d), the first of them near a configuration (eta,); or where and
+        why the arm cannot hold it.
         """
         assert self.lift is not None
         return self.lift.configurations_along(self, latent, start)
@@ -282,11 +282,11 @@ class QueryBuilder(ABC, Generic[Output]):
     # ------------------------------------------------------ ends of an arm
 
     @abstractmethod
-    def goal_by_pose(self, pose: Pose, frame: TaskFrame) -> Goal[Output] | Verdict:
+    def goal_by_pose(self, pose: Pose, frame: TaskFrame) -> Goal[Output] | Refusal:
         """The goal of a tool pose of the base frame; frame : the task frame. Or why it is refused."""
 
     @abstractmethod
-    def goal_by_configuration(self, configuration: np.ndarray, frame: TaskFrame) -> Goal[Output] | Verdict:
+    def goal_by_configuration(self, configuration: np.ndarray, frame: TaskFrame) -> Goal[Output] | Refusal:
         """The goal of a configuration (eta,) [rad]; frame : the task frame. Or why it is refused."""
 
     @abstractmethod
@@ -294,7 +294,7 @@ class QueryBuilder(ABC, Generic[Output]):
         """The goal in the configuration (eta,) in which the arm stands, where that serves for a pose; None else."""
 
     @abstractmethod
-    def start_by_pose(self, pose: Pose, commanded: np.ndarray | None = None) -> np.ndarray | Verdict:
+    def start_by_pose(self, pose: Pose, commanded: np.ndarray | None = None) -> np.ndarray | Refusal:
         """The configuration (eta,) in which a plan from a tool pose begins, of an arm with a commanded one."""
 
     @abstractmethod
@@ -303,20 +303,20 @@ class QueryBuilder(ABC, Generic[Output]):
 
     # -------------------------------------------------------------- queries
 
-    def build(self, start: np.ndarray, goal: Goal[Output]) -> ArmQuery | Verdict:
+    def build(self, start: np.ndarray, goal: Goal[Output]) -> ArmQuery | Refusal:
         """The query from a configuration (eta,) to a goal, or why there is none."""
         found = self.transport(self._output(start, goal.frame), goal.outputs)
-        return found if isinstance(found, Verdict) else self._held(found, goal.frame, start)
+        return found if isinstance(found, Refusal) else self._held(found, goal.frame, start)
 
     def redirected(
         self, query: ArmQuery, start: np.ndarray, latent: np.ndarray, goal: Goal[Output]
-    ) -> ArmQuery | Verdict | None:
+    ) -> ArmQuery | Refusal | None:
         """The query that goes on from a configuration on the path of an older one, at its latent point, to a new goal.
 
         None where the latent point is not connected to any node: then the query has to be built anew.
         """
         found = self._redirected(query, self._output(start, goal.frame), latent, goal.outputs)
-        return found if found is None or isinstance(found, Verdict) else self._held(found, goal.frame, start)
+        return found if found is None or isinstance(found, Refusal) else self._held(found, goal.frame, start)
 
     @abstractmethod
     def other_posture(self, query: ArmQuery) -> ArmQuery | None:
@@ -327,20 +327,22 @@ class QueryBuilder(ABC, Generic[Output]):
         """The same query in the first posture in which the arm can hold it."""
 
     @abstractmethod
-    def rebuilt(self, query: ArmQuery) -> ArmQuery | Verdict:
+    def rebuilt(self, query: ArmQuery) -> ArmQuery | Refusal:
         """The query of a builder that guards other spheres, with the spheres of this one."""
 
     # ------------------------------------------------- in the skill's space
 
-    def goal_verdict(self, goals: Sequence[Output]) -> Verdict:
-        """Whether one of several goals lies close enough to what was demonstrated, or to some trusted node."""
+    def goal_refusal(self, goals: Sequence[Output]) -> Refusal | None:
+        """Why none of several goals lies close enough to what was demonstrated, or to some trusted node; None where one
+        does.
+        """
         pieces = self._graph.pieces_with_demonstrations()
         ends = [end for goal in goals for piece in pieces if (end := self._end("goal", goal, piece)) is not None]
         if not ends:
-            return Verdict(VerdictCode.GOAL_OUT_OF_SUPPORT, "the skill has no supported latent point at all")
-        return self._offset_verdict("goal", min(ends, key=lambda end: end.misfit))
+            return Refusal(VerdictCode.GOAL_OUT_OF_SUPPORT, "the skill has no supported latent point at all")
+        return self._offset_refusal("goal", min(ends, key=lambda end: end.misfit))
 
-    def transport(self, start: Output, goals: Sequence[Output]) -> Query[Output] | Verdict:
+    def transport(self, start: Output, goals: Sequence[Output]) -> Query[Output] | Refusal:
         """Choose both ends on one connected piece of the manifold, and transport the graph to them."""
         pairs = []
         for piece in self._graph.pieces_with_demonstrations():
@@ -348,12 +350,13 @@ class QueryBuilder(ABC, Generic[Output]):
             theres = [] if here is None else [self._end("goal", goal, piece) for goal in goals]
             pairs += [(here, there) for there in theres if here is not None and there is not None]
         if not pairs:
-            return Verdict(VerdictCode.START_OUT_OF_SUPPORT, "no supported latent point near start and goal")
+            return Refusal(VerdictCode.START_OUT_OF_SUPPORT, "no supported latent point near start and goal")
         allowed = [pair for pair in pairs if self._is_allowed(pair[0]) and self._is_allowed(pair[1])]
         if not allowed:
             here, there = min(pairs, key=lambda pair: pair[0].misfit + pair[1].misfit)
-            verdict = self._offset_verdict("start", here)
-            return self._offset_verdict("goal", there) if verdict.ok else verdict
+            refusal = self._offset_refusal("start", here) or self._offset_refusal("goal", there)
+            assert refusal is not None
+            return refusal
         here, there = min(allowed, key=lambda pair: self._preference(*pair))
         return self._between(
             here, there, here.task_offset, self._chosen_mean_paths(here.task_offset, there.task_offset)
@@ -361,7 +364,7 @@ class QueryBuilder(ABC, Generic[Output]):
 
     def _redirected(
         self, query: Query[Any], start: Output, latent: np.ndarray, goals: Sequence[Output]
-    ) -> Query[Output] | Verdict | None:
+    ) -> Query[Output] | Refusal | None:
         """As `redirected`, not held by an arm yet."""
         piece = int(self._graph.component[query.goal_node])
         node = self._graph.node_near(latent, self._graph.component == piece, 1)
@@ -375,7 +378,7 @@ class QueryBuilder(ABC, Generic[Output]):
             return None
         allowed = [end for end in ends if self._is_allowed(end)]
         if not allowed:
-            return self._offset_verdict("goal", min(ends, key=lambda end: end.misfit))
+            return self._offset_refusal("goal", min(ends, key=lambda end: end.misfit))
         there = min(allowed, key=lambda end: self._preference(here, end))
         along_mean_paths, moved = query.along_mean_paths, there.task_offset - query.ends[1].task_offset
         if np.linalg.norm(self._scale * moved) > self._same_task:
@@ -405,7 +408,7 @@ class QueryBuilder(ABC, Generic[Output]):
             to_goal=to_goal,
             from_start=cost_field(self._graph.adjacency, graph.base, here.node),
             cost_limit=self._settings.cost_cap * max(self._demonstrated_cost, float(to_goal[here.node])),
-            misfits=self._misfits("start", here) | self._misfits("goal", there),
+            misfits=Figures(**self._misfits("start", here), **self._misfits("goal", there)),
             task_start=task_start,
             along_mean_paths=along_mean_paths,
         )
@@ -448,18 +451,18 @@ class QueryBuilder(ABC, Generic[Output]):
         offset = self._difference(pole.decoded, requested)
         return End(pole.latent, pole.node, pole.decoded, requested, offset, beyond, task_offset)
 
-    def _offset_verdict(self, name: EndName, end: End[Output]) -> Verdict:
-        """Whether an end is near enough to what was demonstrated."""
-        misfits = self._misfits(name, end)
+    def _offset_refusal(self, name: EndName, end: End[Output]) -> Refusal | None:
+        """Why an end is too far from what was demonstrated; None where it is not."""
         if self._is_allowed(end):
-            return Verdict(VerdictCode.OK, in_support=True, **misfits)
-        return Verdict(self._out_of_support(name), f"the {name} is {self._stated_misfit(end)}", **misfits)
+            return None
+        figures = Figures(**self._misfits(name, end))
+        return Refusal(self._out_of_support(name), f"the {name} is {self._stated_misfit(end)}", figures)
 
     def _is_allowed(self, end: End[Output]) -> bool:
         return all(length <= limit for length, limit in zip(self._lengths(end.beyond), self._limits(), strict=True))
 
-    def _misfits(self, name: EndName, end: End[Output]) -> Figures:
-        """How far an end is from what is decoded there, and from what was demonstrated, under their names in a Verdict.
+    def _misfits(self, name: EndName, end: End[Output]) -> dict[str, Any]:
+        """How far an end is from what is decoded there, and from what was demonstrated, under their names in `Figures`.
 
         The second length of an offset, where it has two, is an angle.
         """
@@ -571,5 +574,5 @@ class QueryBuilder(ABC, Generic[Output]):
         """How far [m] the tool of an output is from the one that a latent point (d,) of a query stands for."""
 
     @abstractmethod
-    def _held(self, query: Query[Output], frame: TaskFrame, start: np.ndarray) -> ArmQuery | Verdict:
+    def _held(self, query: Query[Output], frame: TaskFrame, start: np.ndarray) -> ArmQuery | Refusal:
         """The query as the arm holds it from a configuration (eta,) on; frame : the task frame."""

@@ -18,6 +18,7 @@ from geodesic_motion_ros.planning.path_timer import PathTimer, TimedPath
 from geodesic_motion_ros.planning.plan import MotionState
 from geodesic_motion_ros.planning.query import ArmQuery
 from geodesic_motion_ros.planning.search import BegunSearch, LatentPath
+from geodesic_motion_ros.planning.status import Refusal
 
 #: Two times [s] that differ by less are the same.
 TIME_ROUNDING = 1e-6
@@ -89,7 +90,7 @@ class Workings:
 
     begun: BegunSearch | None = None
     timed_from: tuple[ArmQuery, MotionState] | None = None
-    motions: dict[tuple[bytes, bool, float], TimedPath] = field(default_factory=dict)
+    motions: dict[tuple[bytes, bool, float], TimedPath | Refusal] = field(default_factory=dict)
 
     def copied(self) -> Workings:
         """The same, for one tick to go on with."""
@@ -102,7 +103,7 @@ class Workings:
 
     def timed(
         self, timer: PathTimer, query: ArmQuery, state: MotionState, path: LatentPath, to_goal: bool, longest: float
-    ) -> TimedPath:
+    ) -> TimedPath | Refusal:
         """Time a path once for a query and a state of motion (`PathTimer.timed`): an arm that waits finds the same
         paths each time.
         """

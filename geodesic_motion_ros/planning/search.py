@@ -1,4 +1,4 @@
-"""The cheapest path through a skill's latent graph under obstacles, and the verdict on it: for every kind of skill."""
+"""The cheapest path through a skill's latent graph under obstacles, and its figures: for every kind of skill."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from geodesic_motion_ros.manifold.obstacle_weights import NodeEvaluation, first_
 from geodesic_motion_ros.obstacles.obstacles import Obstacles
 from geodesic_motion_ros.planning.query import Query
 from geodesic_motion_ros.planning.settings import CURVE_SIGMA_FACTOR, ENTRY_STEPS, PlannerSettings
-from geodesic_motion_ros.planning.status import Verdict, VerdictCode
+from geodesic_motion_ros.planning.status import Figures, Refusal, VerdictCode
 from geodesic_motion_ros.skill.skill import Skill
 from geodesic_motion_ros.utils.deadline import NEVER, Deadline
 
@@ -29,7 +29,7 @@ NO_NODE_REMOVED = -math.inf
 class LatentPath:
     """A path through the latent graph: its nodes (p,), latent polyline (m, d), and the largest energy of one edge.
 
-    gap : as `Verdict.cost_gap`. undisturbed : no obstacle affected a node that the search evaluated: the path is the
+    gap : as `Figures.cost_gap`. undisturbed : no obstacle affected a node that the search evaluated: the path is the
         cheapest without any.
     """
 
@@ -80,7 +80,7 @@ def cheapest_path(
     evaluation: NodeEvaluation,
     margin: float,
     deadline: Deadline = NEVER,
-) -> LatentPath | Verdict:
+) -> LatentPath | Refusal:
     """The cheapest path from a latent point (d,) to the goal's node that keeps a margin [m], or why there is none.
 
     Paths that cost more than the query's limit are none: they would lead all along obstacles, or far around them. The
@@ -92,7 +92,7 @@ def cheapest_path(
     source = _entry(graph, query, start, evaluation, margin)
     if source is None:
         reason = "obstacles leave no free node near the start"
-        return Verdict(VerdictCode.NO_FEASIBLE_PATH, reason, **query.misfits)
+        return Refusal(VerdictCode.NO_FEASIBLE_PATH, reason, query.misfits)
     found = shortest_path_from_both_ends(
         graph.adjacency, query.graph.base, query.graph.fixed, query.graph.shares, evaluation, margin,
         query.to_goal, query.from_start, source, query.goal_node, query.cost_limit, deadline,
@@ -101,9 +101,9 @@ def cheapest_path(
         if found.bound < query.cost_limit:
             share = found.bound / query.cost_limit
             reason = f"out of time before a path was found: the search had come to {share:.0%} of what one may cost"
-            return Verdict(VerdictCode.DEADLINE_MISSED, reason, **query.misfits)
+            return Refusal(VerdictCode.DEADLINE_MISSED, reason, query.misfits)
         reason = "obstacles block every path to the goal that was demonstrated"
-        return Verdict(VerdictCode.NO_FEASIBLE_PATH, reason, **query.misfits)
+        return Refusal(VerdictCode.NO_FEASIBLE_PATH, reason, query.misfits)
     energy = float(np.max(query.graph.energies(found.edges), initial=0.0))
     points = graph.latent[found.nodes]
     # The first node may lie behind the start.
@@ -167,13 +167,13 @@ class MarginSearch:
         """
         self._graph, self._query, self._start, self.begun = graph, query, start, begun
         self._deadline, self._settings, self._largest = deadline, settings, largest
-        self._paths: dict[float, LatentPath | Verdict] = {}
+        self._paths: dict[float, LatentPath | Refusal] = {}
 
     def margin(self, multiple: float) -> float:
         """The clearance that is kept from obstacles [m], for a multiple of the setting `obstacle_margin`."""
         return min(multiple * self._settings.obstacle_margin, self._largest)
 
-    def path(self, multiple: float) -> LatentPath | Verdict:
+    def path(self, multiple: float) -> LatentPath | Refusal:
         """The cheapest path that keeps a multiple of the setting `obstacle_margin`, or why there is none."""
         margin = self.margin(multiple)
         if margin not in self._paths:
@@ -190,7 +190,7 @@ class MarginSearch:
         return replace(path, polyline=refined(self._query.field, self.begun.evaluation, margin, path.polyline))
 
 
-def path_verdict(
+def judge_path(
     skill: Skill,
     graph: LatentGraph,
     query: Query[Any],
@@ -198,14 +198,15 @@ def path_verdict(
     path: LatentPath,
     clearance: float,
     end_correction: float,
-    objection: str | None,
-) -> Verdict:
-    """Judge a path by its sigma (n, D), the largest energy of one edge, and what its certificate objects to.
+    objection: str = "",
+) -> Figures | Refusal:
+    """Judge a path by its sigma (n, D), the largest energy of one edge, and what its certificate objects to: return its
+    figures, or why it is not followed.
 
-    clearance, end_correction : as of `Verdict`.
+    clearance, end_correction : as of `Figures`.
     """
     in_support = float(np.max(rms_sigma(sigma))) <= CURVE_SIGMA_FACTOR * skill.sigma_limit
-    if objection is not None:
+    if objection:
         reason = objection
     elif not in_support:
         reason = "the best path leaves the part of the latent space that demonstrations support"
@@ -216,8 +217,8 @@ def path_verdict(
         )
     else:
         reason = ""
-    return Verdict(
-        VerdictCode.NO_FEASIBLE_PATH if reason else VerdictCode.OK, reason, clearance=clearance,
-        energy_per_edge=path.energy, cost_gap=path.gap, in_support=in_support, end_correction=end_correction,
-        **query.misfits,
+    figures = replace(
+        query.misfits, clearance=clearance, energy_per_edge=path.energy, cost_gap=path.gap, in_support=in_support,
+        end_correction=end_correction,
     )  # fmt: skip
+    return Refusal(VerdictCode.NO_FEASIBLE_PATH, reason, figures) if reason else figures

@@ -24,7 +24,7 @@ from geodesic_motion_ros.planning.query import ArmQuery
 from geodesic_motion_ros.planning.requirement import Requirement, Requirements
 from geodesic_motion_ros.planning.retry import Question
 from geodesic_motion_ros.planning.settings import PlannerSettings
-from geodesic_motion_ros.planning.status import Verdict, VerdictCode
+from geodesic_motion_ros.planning.status import Refusal, Verdict, VerdictCode
 from geodesic_motion_ros.robot.limits import JointLimits
 from geodesic_motion_ros.trajectory.limited_tool import LimitedTool
 from geodesic_motion_ros.trajectory.stopping import keeps_all, leaving_stop, slowed_reference, stopping_reference
@@ -128,7 +128,7 @@ class Situation:
             return along
         leaving = self._certified_stop(reference)
         wider = self._clearance_while_stopping(leaving.swept) > clearance
-        return leaving if wider and self.certifier.objection(leaving.certificate, -math.inf) is None else along
+        return leaving if wider and not self.certifier.objection(leaving.certificate, -math.inf) else along
 
     def _clearance_while_stopping(self, swept: SweptArm) -> float:
         """Least clearance [m] of a stop until the one along the path would be over."""
@@ -169,7 +169,7 @@ class Situation:
             followed = self.followed
             on_path = followed is not None and followed.purpose in (Purpose.GOAL, Purpose.APPROACH)
             left = self.stop.swept if on_path and not self.at_rest else self.left
-            self._met_without_evasion[required] = self.certifier.assess(left, self.expected, required)[1] is None
+            self._met_without_evasion[required] = not self.certifier.assess(left, self.expected, required)[1]
         return self._met_without_evasion[required]
 
     @cached_property
@@ -191,14 +191,16 @@ class Situation:
         if followed is None:
             return None
         clearance = self.clearance_left()
-        return None if clearance is None else replace(followed, verdict=replace(followed.verdict, clearance=clearance))
+        if clearance is None:
+            return None
+        return replace(followed, verdict=followed.verdict.with_figures(clearance=clearance))
 
     def clearance_left(self) -> float | None:
         """Least clearance [m] of the rest of the trajectory that is being played; None where it does not meet what is
         required to go on, or may not be followed (`may_follow`).
         """
         certificate, objection = self.certifier.assess(self.left, self.expected, self._required_to_go_on)
-        if self.settings.avoidance and objection is not None:
+        if self.settings.avoidance and objection:
             return None
         return float(np.min(certificate.clearance)) if self.may_follow(self.played) else None
 
@@ -213,7 +215,7 @@ class Situation:
         if plan.trajectory is None or self._may_follow_plan(plan, self.limits):
             return plan
         reason = "on the best path the arm could not stop any more where what moves may come to a stand"
-        return Plan(None, plan.begin, replace(plan.verdict, code=VerdictCode.NO_FEASIBLE_PATH, reason=reason))
+        return Plan(None, plan.begin, Refusal(VerdictCode.NO_FEASIBLE_PATH, reason, plan.verdict.figures))
 
     def _may_follow_plan(self, plan: Plan, limits: JointLimits) -> bool:
         assert plan.trajectory is not None
@@ -298,7 +300,7 @@ class Situation:
             "what was found would take over in the past: the tick took longer than the setting latency, "
             f"{self.settings.latency:g} s, leaves; more latency, or a less busy machine, would do"
         )
-        return self.answered(Verdict(VerdictCode.DEADLINE_MISSED, reason), before)
+        return self.answered(Refusal(VerdictCode.DEADLINE_MISSED, reason), before)
 
     def still_evading(self) -> Step | None:
         """The step in which an arm goes on evading, where there is no time to search another path: as long as the rest
@@ -309,7 +311,7 @@ class Situation:
         if followed is None or followed.purpose is not Purpose.EVASION or self.obstacles.is_static:
             return None
         clearance = self.clearance_left()
-        return None if clearance is None else self.answered(replace(followed.verdict, clearance=clearance))
+        return None if clearance is None else self.answered(followed.verdict.with_figures(clearance=clearance))
 
     def still_approaching(self, query: ArmQuery, verdict: Verdict) -> Step | None:
         """The step in which an arm goes on with its approach to a query's goal, as long as the rest of it is free and
@@ -323,7 +325,7 @@ class Situation:
         clearance = self.clearance_left()
         if clearance is None:
             return None
-        verdict = replace(verdict, clearance=clearance)
+        verdict = verdict.with_figures(clearance=clearance)
         return self.answered(verdict, replace(followed, verdict=verdict))
 
     def slowed(self) -> Step | None:
@@ -340,9 +342,9 @@ class Situation:
         certificate, objection = self.certifier.assess(
             self.certifier.swept(slower), self.expected, self._required_to_go_on
         )
-        if self.settings.avoidance and objection is not None:
+        if self.settings.avoidance and objection:
             return None
-        verdict = replace(followed.verdict, clearance=float(np.min(certificate.clearance)))
+        verdict = followed.verdict.with_figures(clearance=float(np.min(certificate.clearance)))
         plan = Plan(self.certifier.judged(slower, certificate), self.state.time, verdict)
         if not self._may_follow_plan(plan, self._played_limits):
             return None
@@ -362,9 +364,9 @@ class Situation:
         stop = self.widest_stop
         certificate = stop.certificate
         objection = self.certifier.objection(certificate)
-        verdict = replace(verdict, clearance=float(np.min(certificate.clearance)))
-        if objection is not None and self.settings.avoidance:
-            verdict = replace(verdict, reason=f"{verdict.reason}; while stopping, {objection}")
+        verdict = verdict.with_figures(clearance=float(np.min(certificate.clearance)))
+        if objection and self.settings.avoidance:
+            verdict = verdict.with_remark(f"while stopping, {objection}")
         plan = Plan(self.certifier.judged(stop.reference, certificate), self.state.time, verdict)
         begun = Followed.begun(followed.query, plan, self.obstacles, self.now, Purpose.STOP)
         return self.handed_out(plan, begun, followed)

@@ -21,7 +21,7 @@ from geodesic_motion_ros.planning.arm_clearance import nearest_obstacle, obstacl
 from geodesic_motion_ros.planning.certificate import ArmCertifier, Certificate
 from geodesic_motion_ros.planning.declared_scene import DeclaredScene
 from geodesic_motion_ros.planning.output_space import OutputSpace
-from geodesic_motion_ros.planning.path_timer import PathTimer, TimedPath, meeting
+from geodesic_motion_ros.planning.path_timer import JointCurve, PathTimer, TimedPath, meeting
 from geodesic_motion_ros.planning.plan import MotionState, Plan
 from geodesic_motion_ros.planning.query import ArmQuery, PathEnds
 from geodesic_motion_ros.planning.requirement import Requirement, Requirements
@@ -33,11 +33,11 @@ from geodesic_motion_ros.planning.search import (
     LatentPath,
     MarginSearch,
     cheapest_path,
-    path_verdict,
+    judge_path,
 )
 from geodesic_motion_ros.planning.seen_volume import SeenVolume
 from geodesic_motion_ros.planning.settings import Attempt, PlannerSettings
-from geodesic_motion_ros.planning.status import Verdict, VerdictCode
+from geodesic_motion_ros.planning.status import Figures, Refusal, Verdict, VerdictCode
 from geodesic_motion_ros.robot.collision_model import CollisionModel, self_clearance
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.robot.limits import JointLimits
@@ -103,7 +103,7 @@ class Solver:
         deadline: Deadline = NEVER,
         known: KnownPaths | None = None,
         longest: float = math.inf,
-        refusal: Verdict | None = None,
+        refusal: Refusal | None = None,
         workings: Workings | None = None,
     ) -> Plan:
         """Search, refine, smooth, decode, time, certify: until an attempt is certified, or the deadline has passed.
@@ -143,27 +143,27 @@ class Solver:
         requirement = self.requirements.optimistic if optimistic else self.requirements.goal
         avoided = obstacles if self.settings.avoidance else Obstacles.none()
         ends = self._end_clearance(query, state, avoided, optimistic)
-        if isinstance(ends, Verdict):
+        if isinstance(ends, Refusal):
             return Plan(None, state.time, ends)
         if self._stands_at_goal(query, state):
             return self._staying(query, state, obstacles, requirement, ends)
         swept = avoided.static_subset if optimistic else avoided.swept(requirement.horizon)
         search = self.search_among(query, state, swept, ends, deadline, workings)
-        verdict = Verdict(VerdictCode.NO_FEASIBLE_PATH)
+        refusal = Refusal(VerdictCode.NO_FEASIBLE_PATH)
         tried: set[bytes] = set()
         first: LatentPath | None = None
         for number, attempt in enumerate(attempts):
             if number > 0 and deadline.passed:
                 workings.begun = replace(search.begun, unfinished=True)
-                reason = f"out of time after {number} of {len(attempts)} attempts: {verdict.reason}"
-                return Plan(None, state.time, replace(verdict, code=VerdictCode.DEADLINE_MISSED, reason=reason))
+                reason = f"out of time after {number} of {len(attempts)} attempts: {refusal.reason}"
+                return Plan(None, state.time, replace(refusal, code=VerdictCode.DEADLINE_MISSED, reason=reason))
             path = search.path(attempt.multiple)
-            if isinstance(path, Verdict):
+            if isinstance(path, Refusal):
                 if search.begun.unfinished or path.code is VerdictCode.DEADLINE_MISSED:
                     workings.begun = replace(search.begun, unfinished=True)
-                return Plan(None, state.time, verdict if verdict.reason else path)
+                return Plan(None, state.time, refusal if refusal.reason else path)
             if known is not None and known.include(path):
-                return Plan(None, state.time, Verdict(VerdictCode.OK, "the path being followed was found again"))
+                return Plan(None, state.time, Verdict(reason="the path being followed was found again"))
             nodes = path.nodes.tobytes()
             if nodes in tried:
                 continue
@@ -174,8 +174,8 @@ class Solver:
             first = path if attempt == self.attempts[0] else first
             if plan.trajectory is not None:
                 return replace(plan, path=path) if attempt == self.attempts[0] else plan
-            verdict = plan.verdict
-        return Plan(None, state.time, verdict, first)
+            refusal = plan.refusal
+        return Plan(None, state.time, refusal, first)
 
     def _stands_at_goal(self, query: ArmQuery, state: MotionState) -> bool:
         """Whether the arm stands in the goal configuration; with a skill of tool poses, its tool in the goal pose."""
@@ -187,10 +187,11 @@ class Solver:
     ) -> Plan:
         """The plan of an arm that stands at its goal: a path around to the same place would be a needless motion."""
         latent = np.repeat(latent_start(query, state)[None], 2, axis=0)
-        timed = self.timer.timed_curve(state, np.repeat(state.position[None], 2, axis=0), latent, 0.0)
+        standing = JointCurve(np.repeat(state.position[None], 2, axis=0), latent, 0.0)
+        timed = self.timer.timed_curve(state, standing)
         path = LatentPath(np.empty(0, dtype=np.int64), latent, energy=0.0, gap=0.0)
         plan = self._judged(query, state, path, timed, obstacles, requirement, ends)
-        return replace(plan, verdict=replace(plan.verdict, reason="at the goal")) if plan.verdict.ok else plan
+        return replace(plan, verdict=plan.verdict.with_remark("at the goal")) if plan.verdict.ok else plan
 
     def search_among(
         self,
@@ -221,18 +222,17 @@ class Solver:
 
         latent : (m, d) latent points beside the configurations. seen : the motion stays inside of this volume.
         """
-        curve, correction = meeting(curve, state.position, query.goal)
-        timed = self.timer.timed_curve(state, curve, latent, correction)
-        if timed.reference is None:
-            return Plan(None, state.time, Verdict(VerdictCode.NO_FEASIBLE_PATH, timed.objection, **query.misfits))
+        timed = self.timer.timed_curve(state, meeting(curve, latent, state.position, query.goal))
+        if isinstance(timed, Refusal):
+            return Plan(None, state.time, replace(timed, figures=query.misfits))
         certificate, objection = self.certifier.assess(timed.swept, obstacles, self.requirements.detour)
         objection = objection or self.certifier.unseen(timed.swept, seen)
-        verdict = Verdict(
-            VerdictCode.NO_FEASIBLE_PATH if objection else VerdictCode.OK, f"on the detour {objection}" if objection
-            else "", clearance=float(np.min(certificate.clearance)), end_correction=correction, **query.misfits,
-        )  # fmt: skip
-        found = None if objection else self.certifier.judged(timed.reference, certificate)
-        return Plan(found, state.time, verdict)
+        clearance = float(np.min(certificate.clearance))
+        figures = replace(query.misfits, clearance=clearance, end_correction=timed.correction)
+        if objection:
+            refusal = Refusal(VerdictCode.NO_FEASIBLE_PATH, f"on the detour {objection}", figures)
+            return Plan(None, state.time, refusal)
+        return Plan(self.certifier.judged(timed.reference, certificate), state.time, Verdict(figures=figures))
 
     def clearance(self, configuration: np.ndarray, obstacles: Obstacles) -> float:
         return obstacle_clearance(self.collision, self.robot, configuration, obstacles)[0]
@@ -246,7 +246,7 @@ class Solver:
 
     def _end_clearance(
         self, query: ArmQuery, state: MotionState, obstacles: Obstacles, optimistic: bool
-    ) -> float | Verdict:
+    ) -> float | Refusal:
         """Smaller clearance [m] of present and goal configuration, or the refusal where one of them is covered.
 
         The goal must be free of the places where obstacles are expected to halt; optimistic: of standing obstacles
@@ -256,7 +256,7 @@ class Solver:
         if not itself >= 0.0:
             names = f"'{self.collision.link_of(one)}' and '{self.collision.link_of(other)}'"
             reason = f"{names} overlap by {-1000 * itself:.1f} mm where the arm stands"
-            return Verdict(VerdictCode.IN_COLLISION, reason, **query.misfits)
+            return Refusal(VerdictCode.IN_COLLISION, reason, query.misfits)
         prediction = self.settings.prediction
         later = obstacles.static_subset if optimistic else obstacles.at(obstacles.time + prediction, prediction)
         nearest = []
@@ -270,14 +270,11 @@ class Solver:
                 name = nearest_obstacle(self.collision, self.robot, configuration, there)
                 reason = f"'{self.collision.link_of(sphere)}' overlaps {name} by {-1000 * clearance:.0f} mm"
             if reason:
-                verdict = Verdict(
-                    code, f"{reason} where the arm {where}", clearance=clearance if clearance <= 0.0 else math.nan,
-                    **query.misfits,
-                )  # fmt: skip
+                figures = replace(query.misfits, clearance=clearance if clearance <= 0.0 else math.nan)
                 if configuration is query.goal:
                     to_goal = self.tool_distance(state.position, query.goal)
-                    verdict = replace(verdict, goal_covered=True, goal_distance=to_goal)
-                return verdict
+                    figures = replace(figures, goal_covered=True, goal_distance=to_goal)
+                return Refusal(code, f"{reason} where the arm {where}", figures)
             nearest.append(clearance)
         return min(nearest)
 
@@ -300,7 +297,7 @@ class Solver:
         query: ArmQuery,
         state: MotionState,
         path: LatentPath,
-        timed: TimedPath,
+        timed: TimedPath | Refusal,
         obstacles: Obstacles,
         requirement: Requirement,
         ends: float,
@@ -310,23 +307,25 @@ class Solver:
 
         ends : clearance [m] of the end of the path that is nearer to an obstacle. longest : as of `solve`.
         """
+        if isinstance(timed, Refusal):
+            return Plan(None, state.time, replace(timed, figures=query.misfits))
         reference = timed.reference
-        if reference is None:
-            return Plan(None, state.time, Verdict(VerdictCode.NO_FEASIBLE_PATH, timed.objection, **query.misfits))
         if reference.duration >= longest:
             reason = f"the best path takes {reference.duration:.2f} s; only less than {longest:.2f} s would be a gain"
-            return Plan(None, state.time, Verdict(VerdictCode.NO_FEASIBLE_PATH, reason, **query.misfits))
+            return Plan(None, state.time, Refusal(VerdictCode.NO_FEASIBLE_PATH, reason, query.misfits))
         certificate, objection = self.certifier.assess(timed.swept, obstacles, requirement, ends)
-        objection = f"on the best path {objection}" if objection is not None and self.settings.avoidance else None
-        verdict = self.verdict_of(query, path, timed, certificate, objection)
-        found = self.certifier.judged(reference, certificate) if verdict.ok else None
-        return Plan(found, state.time, verdict)
+        objection = f"on the best path {objection}" if objection and self.settings.avoidance else ""
+        figures = self.judge(query, path, timed, certificate, objection)
+        if isinstance(figures, Refusal):
+            return Plan(None, state.time, figures)
+        return Plan(self.certifier.judged(reference, certificate), state.time, Verdict(figures=figures))
 
-    def verdict_of(
-        self, query: ArmQuery, path: LatentPath, timed: TimedPath, certificate: Certificate, objection: str | None
-    ) -> Verdict:
+    def judge(
+        self, query: ArmQuery, path: LatentPath, timed: TimedPath, certificate: Certificate, objection: str
+    ) -> Figures | Refusal:
+        """Return the figures of a path that is timed, or why it is not followed (`search.judge_path`)."""
         sigma, clearance = self.graph.sigma_at(timed.latent), float(np.min(certificate.clearance))
-        return path_verdict(self.skill, self.graph, query, sigma, path, clearance, timed.correction, objection)
+        return judge_path(self.skill, self.graph, query, sigma, path, clearance, timed.correction, objection)
 
     def seen_beside(self, base: np.ndarray) -> SeenVolume:
         """The volume in which an arm may be that leaves configurations (k, eta) of a base path (setting `unseen`)."""
@@ -334,18 +333,17 @@ class Solver:
             return SeenVolume.unbounded()
         return SeenVolume.beside(base, self.scene.seen, self.robot, self.collision)
 
-    def base_path(self, query: ArmQuery, obstacles: Obstacles) -> tuple[np.ndarray, np.ndarray] | str:
-        """The geodesic of the metric that obstacles reshape, whether it is free of them or not: latent points (m, d)
-        and configurations (m, eta); or why there is none, or why the arm cannot hold it.
+    def base_path(self, query: ArmQuery, obstacles: Obstacles) -> JointCurve | Refusal:
+        """The geodesic of the metric that obstacles reshape, whether it is free of them or not; or why there is none,
+        or why the arm cannot hold it.
         """
         reshaped = self.evaluation(query, obstacles.swept(self.requirements.detour.horizon))
         path = cheapest_path(self.graph, query, query.start_latent, reshaped, NO_NODE_REMOVED)
-        if isinstance(path, Verdict):
-            return path.reason
+        if isinstance(path, Refusal):
+            return path
         if self.settings.refine:
             path = replace(path, polyline=refined(query.field, reshaped, NO_NODE_REMOVED, path.polyline))
-        latent, found = self.timer.joint_curve(query, query.start, path, True)
-        return found if isinstance(found, str) else (latent, found[0])
+        return self.timer.joint_curve(query, query.start, path, True)
 
 
 def latent_start(query: ArmQuery, state: MotionState) -> np.ndarray:

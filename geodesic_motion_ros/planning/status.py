@@ -1,14 +1,13 @@
-"""Verdict: code, reason and figures with which the planner answers every tick, whether or not it found a reference."""
+"""The answers to a tick, a request or a search: `Verdict`, and `Refusal` where what was asked for is not done."""
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import IntEnum
-from typing import Any
+from typing import Any, TypeVar
 
-#: Figures of a verdict, by their names.
-Figures = dict[str, Any]
+_AnyVerdict = TypeVar("_AnyVerdict", bound="Verdict")
 
 
 class VerdictCode(IntEnum):
@@ -37,12 +36,11 @@ _OF_PLANNING = frozenset({
 
 
 @dataclass(frozen=True)
-class Verdict:
-    """Why the arm does or does not move to its goal: code and reason of one planning step, and the path's figures.
+class Figures:
+    """The figures of a path, or of the attempt to find one.
 
     Attributes
     ----------
-    code, reason : the outcome, and a text for a person.
     clearance : smallest distance [m] from the arm's spheres to any obstacle along the reference, already reduced
         by the certificate's allowance between samples; inf without obstacles, nan without a path.
     energy_per_edge : largest squared Riemannian length of one edge of the path; nan without a path.
@@ -64,8 +62,6 @@ class Verdict:
     goal_distance : how far the tool is from such a goal [m]; nan elsewhere.
     """
 
-    code: VerdictCode
-    reason: str = ""
     clearance: float = math.nan
     energy_per_edge: float = math.nan
     cost_gap: float = 0.0
@@ -85,8 +81,28 @@ class Verdict:
     goal_covered: bool = False
     goal_distance: float = math.nan
 
+
+@dataclass(frozen=True)
+class Verdict:
+    """The answer to a tick or a request: OK, or a `Refusal`.
+
+    Attributes
+    ----------
+    code, reason : the outcome, and a text for a person.
+    figures : of the path.
+    """
+
+    code: VerdictCode = VerdictCode.OK
+    reason: str = ""
+    figures: Figures = Figures()
+
+    def __post_init__(self) -> None:
+        if self.ok == isinstance(self, Refusal):
+            raise ValueError(f"a {type(self).__name__} with the code {self.code!r}: a Refusal has every code but OK")
+
     @property
     def ok(self) -> bool:
+        """Whether what was asked for is done."""
         return self.code is VerdictCode.OK
 
     @property
@@ -98,3 +114,19 @@ class Verdict:
     def sentence(self) -> str:
         """Code and reason, for a person."""
         return f"{self.code.name}: {self.reason}" if self.reason else self.code.name
+
+    def with_remark(self: _AnyVerdict, remark: str) -> _AnyVerdict:
+        """Return the same verdict with a remark after its reason."""
+        return replace(self, reason=f"{self.reason}; {remark}" if self.reason else remark)
+
+    def with_figures(self: _AnyVerdict, **changes: Any) -> _AnyVerdict:
+        """Return the same verdict with some figures changed, by their names."""
+        return replace(self, figures=replace(self.figures, **changes))
+
+
+@dataclass(frozen=True)
+class Refusal(Verdict):
+    """Why something that was asked for is not done; its code is never OK.
+
+    What may fail for a reason returns its result or a refusal. None is returned where there is nothing to explain.
+    """

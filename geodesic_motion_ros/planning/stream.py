@@ -14,7 +14,7 @@ from geodesic_motion_ros.planning.certificate import ArmCertifier, JudgedTraject
 from geodesic_motion_ros.planning.mode import Purpose
 from geodesic_motion_ros.planning.plan import Plan
 from geodesic_motion_ros.planning.played import Followed, PlayedTrajectory, Step
-from geodesic_motion_ros.planning.status import Verdict
+from geodesic_motion_ros.planning.status import Refusal
 from geodesic_motion_ros.trajectory.trajectory import JointReference
 
 
@@ -77,7 +77,7 @@ class Stream:
             return None
         return self.played.reference, self.played.begin
 
-    def braked(self, trajectory: JudgedTrajectory, begin: float, verdict: Verdict) -> None:
+    def braked(self, trajectory: JudgedTrajectory, begin: float, verdict: Refusal) -> None:
         """Record that the arm fell back to the stop at the end of what was sent, which begins at a time [s].
 
         verdict : why.

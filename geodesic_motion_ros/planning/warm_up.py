@@ -15,7 +15,7 @@ from geodesic_motion_ros.planning.evasion_motion import evasion_beside_graph
 from geodesic_motion_ros.planning.guarded_arm import GuardedArm
 from geodesic_motion_ros.planning.plan import MotionState
 from geodesic_motion_ros.planning.search import load_search
-from geodesic_motion_ros.planning.status import Verdict, VerdictCode
+from geodesic_motion_ros.planning.status import Refusal, VerdictCode
 from geodesic_motion_ros.trajectory.timing import load_references
 
 if TYPE_CHECKING:
@@ -35,7 +35,7 @@ def load_kernels(trial: ReactivePlanner, arm: GuardedArm) -> None:
         start = skill.mean_configuration("start")
         end = skill.mean_configuration("goal")
         goals = [partial(trial.prepared_configuration, end + offset) for offset in (0.0, 0.02)]
-    trial.stand_at(trial.robot.ready if isinstance(start, Verdict) else start, 0.0)
+    trial.stand_at(trial.robot.ready if isinstance(start, Refusal) else start, 0.0)
     trial.take_goal(goals[0]())
     for time in (0.0, 0.1, 0.2):
         trial.take_obstacles(Obstacles.one_of_each(np.array([0.0, 0.0, 3.0 + time]), np.full(3, 1e-3), time))
@@ -43,7 +43,7 @@ def load_kernels(trial: ReactivePlanner, arm: GuardedArm) -> None:
     goal = goals[1]()
     trial.take_goal(goal)
     trial.tick(0.3)
-    query, commanded = None if isinstance(goal, Verdict) else goal.query, trial.commanded(0.3)
+    query, commanded = None if isinstance(goal, Refusal) else goal.query, trial.commanded(0.3)
     if query is not None:
         load_search(trial.graph, query, trial.settings)
     if query is not None and commanded is not None and trial.may_detour:
@@ -51,4 +51,4 @@ def load_kernels(trial: ReactivePlanner, arm: GuardedArm) -> None:
         state = MotionState(0.3, *commanded, query.start_latent)
         evasion_beside_graph(solver, query, state, trial.obstacles, 0.1)
     load_references(trial.limits, solver.tool)
-    trial.stop(0.4, Verdict(VerdictCode.NO_GOAL))
+    trial.stop(0.4, Refusal(VerdictCode.NO_GOAL))

@@ -311,4 +311,4 @@ def test_a_sphere_where_the_tool_is_halfway_is_in_its_path() -> None:
     for centre, hit in ((np.array(halfway), True), (np.array(halfway) + [0.0, 0.6, 0.0], False)):
         planner.set_obstacles(centre[None], np.array([0.04]))
         plan = planner.plan(start[:3], start[3:], goal[:3], goal[3:])
-        assert (plan.verdict.clearance < 0.0) == hit
+        assert (plan.verdict.figures.clearance < 0.0) == hit

@@ -11,11 +11,11 @@ from geodesic_motion_ros.nodes.arm_watch import REST_TIME
 from geodesic_motion_ros.nodes.arrival import ArrivalWatch
 from geodesic_motion_ros.nodes.cycle import CycleInputs, CycleOutput
 from geodesic_motion_ros.obstacles.tracker import ObstacleTracker
-from geodesic_motion_ros.planning.status import Verdict, VerdictCode
+from geodesic_motion_ros.planning.status import Refusal, Verdict, VerdictCode
 
 PERIOD = 0.01
 UPRIGHT = np.array([1.0, 0.0, 0.0, 0.0])
-OK, REFUSED = Verdict(VerdictCode.OK), Verdict(VerdictCode.GOAL_OUT_OF_SUPPORT, "too far")
+OK, REFUSED = Verdict(), Refusal(VerdictCode.GOAL_OUT_OF_SUPPORT, "too far")
 
 
 class Bench:
@@ -63,7 +63,7 @@ def test_an_arm_that_lags_is_waited_for(bench):
 
 
 def test_neither_a_stop_nor_a_refused_goal_is_an_arrival(bench):
-    stopped = Verdict(VerdictCode.NO_FEASIBLE_PATH, "blocked")
+    stopped = Refusal(VerdictCode.NO_FEASIBLE_PATH, "blocked")
     assert not [*bench.cycles(2.0, goal=1, verdict=stopped, left=np.nan)]
     assert not [*bench.cycles(2.0, goal=1, left=1.0, speed=0.2)]
     assert len([*bench.cycles(2.0, goal=1, place=1.0)]) == 1

@@ -196,4 +196,4 @@ def test_with_tf2_its_buffer_is_asked_and_emptied_when_the_clock_is_set_back(mon
     buffer.places = dict(PLACES)
     np.testing.assert_array_equal(lookup(BASE, CAMERA, EARLY)[0], PLACES[10.0][0])
     clock.set_ros_time_override(RosTime(seconds=15, clock_type=clock.clock_type))
-    assert "no camera" in lookup(BASE, CAMERA, EARLY)
+    assert "no camera" in lookup(BASE, CAMERA, EARLY).reason

@@ -17,11 +17,13 @@ from visualization_msgs.msg import Marker
 from geodesic_motion_ros.geometry.shapes import solid_distances
 from geodesic_motion_ros.nodes import marker_messages as m
 from geodesic_motion_ros.nodes.messages import MessageRefused
+from geodesic_motion_ros.planning.status import Refusal, VerdictCode
 from geodesic_motion_ros.robot.held_objects import HeldObject
 from geodesic_motion_ros.robot.kinematics import Robot
 
 BASE = "panda_link0"
 STAMP = Time(sec=12, nanosec=500_000_000)
+NOT_THERE = Refusal(VerdictCode.BAD_INPUT, "not there")
 BAD = (math.nan, math.inf, -math.inf, 1e300)
 _ANY = st.floats(allow_nan=True, allow_infinity=True)
 
@@ -105,7 +107,7 @@ class TestMarker:
     def test_a_leading_slash_is_as_of_ros_1(self):
         assert m.read_marker(sphere(frame=f"/{BASE}"), BASE).action == "put"
         asked = []
-        lookup = lambda target, source, stamp: asked.append(source) or "not there"  # noqa: E731
+        lookup = lambda target, source, stamp: asked.append(source) or NOT_THERE  # noqa: E731
         for frame in ("/camera", ""):
             with pytest.raises(MessageRefused, match=f"frame '{frame}' is unknown here: send it in '{BASE}'"):
                 m.read_marker(sphere(frame=frame), BASE, lookup)

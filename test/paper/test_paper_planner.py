@@ -39,7 +39,7 @@ def sphere_on(planner: PaperPlanner, radius: float = 0.06) -> Obstacles:
 
 def test_the_path_is_the_decoded_spline_through_the_cheapest_nodes(planner) -> None:
     verdict = planner.tick()
-    assert (verdict.code, verdict.reason, verdict.cost_gap) == (VerdictCode.OK, CAUTION, 0.0)
+    assert (verdict.code, verdict.reason, verdict.figures.cost_gap) == (VerdictCode.OK, CAUTION, 0.0)
     assert planner.is_exact
     nodes = planner.graph.latent[planner.search.nodes]
     spline = fitted_spline(nodes, COEFFICIENTS)(np.linspace(0.0, 1.0, SAMPLES))
@@ -82,14 +82,14 @@ def test_a_search_without_time_is_followed_as_far_as_it_knows_and_goes_on(planne
     planner.set_obstacles(sphere_on(planner))
     verdict = planner.tick(Deadline(0.5, itertools.count(1).__next__))
     assert verdict.ok
-    assert verdict.cost_gap > 0.0
+    assert verdict.figures.cost_gap > 0.0
     assert not planner.is_exact
     assert planner.path is not None
     for _ in range(10_000):
         verdict = planner.tick(Deadline(0.5, itertools.count().__next__))
         if planner.is_exact:
             break
-    assert verdict.cost_gap == 0.0
+    assert verdict.figures.cost_gap == 0.0
 
 
 def test_newer_obstacles_wait_for_the_search_that_runs(planner) -> None:
@@ -99,10 +99,10 @@ def test_newer_obstacles_wait_for_the_search_that_runs(planner) -> None:
     planner.tick(Deadline(0.5, itertools.count(1).__next__))
     planner.set_obstacles(Obstacles.none())
     # Without time for the search that runs, which knows of the sphere still.
-    assert planner.tick(Deadline(0.5, itertools.count(1).__next__)).cost_gap > 0.0
+    assert planner.tick(Deadline(0.5, itertools.count(1).__next__)).figures.cost_gap > 0.0
     assert planner.search.cost > free
     assert not planner.is_exact
-    assert planner.tick().cost_gap == 0.0
+    assert planner.tick().figures.cost_gap == 0.0
     assert planner.is_exact
     assert planner.search.cost == free
 
@@ -111,7 +111,7 @@ def test_a_goal_that_the_skill_does_not_know_is_refused_with_the_distances(plann
     position, quaternion = np.split(planner.skill.goal_pose, [3])
     verdict = planner.prepared_goal(position + [0.0, 0.0, 0.6], quaternion, 0.05, 0.5)
     assert verdict.code is VerdictCode.GOAL_OUT_OF_SUPPORT
-    assert verdict.goal_offset > 0.05
+    assert verdict.figures.goal_offset > 0.05
     assert "allowed are 50 mm" in verdict.reason
 
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from geodesic_motion_ros.planning.pose_path import PosePath, PosePathPlanner
-from geodesic_motion_ros.planning.status import Verdict
+from geodesic_motion_ros.planning.status import Refusal
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.skill.skill import Skill
 
@@ -20,7 +20,7 @@ AXES, LENGTHS = ("0 0 1", "0 1 0", "0 1 0", "0 0 1", "0 1 0", "0 0 1"), (0.3, 0.
 class FanPlanner(PosePathPlanner):
     """A planner that plans between its skill's mean start and mean goal."""
 
-    def answer(self) -> PosePath | Verdict:
+    def answer(self) -> PosePath | Refusal:
         """The path from the mean start to the mean goal, or why there is none."""
         start, goal = self.skill.start_pose, self.skill.goal_pose
         return self.plan(start[:3], start[3:], goal[:3], goal[3:])
@@ -31,10 +31,10 @@ class FanPlanner(PosePathPlanner):
         assert isinstance(path, PosePath), path
         return path
 
-    def refusal(self) -> Verdict:
+    def refusal(self) -> Refusal:
         """Why there is none, which there must not be."""
         verdict = self.answer()
-        assert isinstance(verdict, Verdict)
+        assert isinstance(verdict, Refusal)
         return verdict
 
     def middle(self) -> np.ndarray:

@@ -21,7 +21,7 @@ from geodesic_motion_ros.planning.mode import Mode, Purpose
 from geodesic_motion_ros.planning.plan import MotionState, Plan
 from geodesic_motion_ros.planning.settings import ATTEMPTS, SEARCH_PERIOD, Attempt, PlannerSettings
 from geodesic_motion_ros.planning.situation import Situation
-from geodesic_motion_ros.planning.status import Verdict, VerdictCode
+from geodesic_motion_ros.planning.status import Refusal, Verdict, VerdictCode
 from geodesic_motion_ros.planning.stream import Stream
 from geodesic_motion_ros.robot.collision_model import CollisionModel
 from geodesic_motion_ros.robot.kinematics import Robot
@@ -32,7 +32,7 @@ from geodesic_motion_ros.utils.deadline import NEVER, Deadline
 
 ROBOT, MODEL, SETTINGS = Robot.named("panda"), CollisionModel.named("panda"), PlannerSettings()
 LIMITS, CERTIFIER = JointLimits.of(ROBOT), ArmCertifier(ROBOT, MODEL)
-NO_PATH = Verdict(VerdictCode.NO_FEASIBLE_PATH, "no path")
+NO_PATH = Refusal(VerdictCode.NO_FEASIBLE_PATH, "no path")
 CAUTIOUS = tuple(attempt for attempt in ATTEMPTS if not attempt.optimistic)
 TICK, REACH, TURN = 0.01, 0.25, 0.6
 
@@ -57,7 +57,7 @@ class Searches:
     ) -> Plan:
         self.made.append((query, attempts))
         if self.late:
-            return Plan(None, state.time, Verdict(VerdictCode.DEADLINE_MISSED, "out of time"))
+            return Plan(None, state.time, Refusal(VerdictCode.DEADLINE_MISSED, "out of time"))
         return self.turn(state, obstacles) if self.free else Plan(None, state.time, NO_PATH)
 
     def turn(self, state: MotionState, obstacles: Obstacles) -> Plan:
@@ -74,9 +74,9 @@ class Postures:
     """In the place of a query builder: so many other postures, or why the goal is refused."""
 
     others: list[SimpleNamespace] = field(default_factory=list)
-    refusal: Verdict | None = None
+    refusal: Refusal | None = None
 
-    def build(self, position: np.ndarray, goal: object) -> SimpleNamespace | Verdict:
+    def build(self, position: np.ndarray, goal: object) -> SimpleNamespace | Refusal:
         return self.refusal or query_at(position)
 
     def redirected(self, *_: object) -> None:
@@ -142,9 +142,9 @@ def where_it_turns() -> Obstacles:
     return sphere(tuple(hand))
 
 
-def detour_search(request: DetourRequest, result: Detour | str) -> DetourSearch:
+def detour_search(request: DetourRequest, result: Detour | Refusal) -> DetourSearch:
     """One that is done."""
-    future: Future[Detour | str] = Future()
+    future: Future[Detour | Refusal] = Future()
     future.set_result(result)
     return DetourSearch(DetourJob(future, None), request)
 
@@ -171,7 +171,7 @@ def test_a_goal_is_searched_with_all_attempts_at_first_and_its_path_is_followed(
 
 
 def test_a_goal_that_no_query_leads_to_is_refused_with_its_reason(arm: Arm) -> None:
-    arm.postures.refusal = Verdict(VerdictCode.START_OUT_OF_SUPPORT, "too far")
+    arm.postures.refusal = Refusal(VerdictCode.START_OUT_OF_SUPPORT, "too far")
     decision = arm.decided(0.0, sphere())
     assert decision.step.plan.verdict is arm.postures.refusal
     assert (decision.query, arm.searches.made) == (None, [])
@@ -290,7 +290,7 @@ def test_why_there_is_no_detour_is_said_beside_why_there_is_no_path(arm: Arm) ->
     arm.reach = REACH
     now = arm.runs_blocked(SETTINGS.patience + 0.1)
     request = arm.decided(now, sphere()).detour
-    arm.memory = replace(arm.memory, detour=detour_search(request, "too narrow"))
+    arm.memory = replace(arm.memory, detour=detour_search(request, Refusal(VerdictCode.NO_FEASIBLE_PATH, "too narrow")))
     decision = arm.decided(now, sphere())
     assert decision.step.plan.verdict.reason == "no path; no detour of up to 25 cm: too narrow"
     assert decision.detour is None

@@ -18,7 +18,7 @@ from geodesic_motion_ros.planning.output_space import OutputSpace
 from geodesic_motion_ros.planning.plan import Plan
 from geodesic_motion_ros.planning.planner import ReactivePlanner
 from geodesic_motion_ros.planning.settings import PlannerSettings
-from geodesic_motion_ros.planning.status import Verdict, VerdictCode
+from geodesic_motion_ros.planning.status import Refusal, VerdictCode
 from geodesic_motion_ros.skill.skill import Skill
 from geodesic_motion_ros.utils.deadline import Deadline
 
@@ -119,16 +119,16 @@ def test_the_arm_goes_as_near_to_a_covered_goal_as_it_can_and_on_when_it_clears(
     assert first.mode is Mode.APPROACHING
     assert first.trajectory is not None
     assert first.trajectory.nearest > 0.0
-    assert first.verdict.clearance == pytest.approx(first.trajectory.nearest)
+    assert first.verdict.figures.clearance == pytest.approx(first.trajectory.nearest)
     assert "as near as it can" in first.verdict.reason
     assert planner.to_goal() is None
     stands = played.run_to_rest()
     assert stands.mode is Mode.WAITING
     # Nothing may take it for arrived.
     assert {plan.verdict.code for plan in played.plans} == {VerdictCode.NO_FEASIBLE_PATH}
-    assert all(plan.verdict.goal_covered for plan in played.plans)
-    assert played.plans[0].verdict.goal_distance == pytest.approx(far)
-    assert stands.verdict.goal_distance == pytest.approx(played.to_goal, abs=1e-9)
+    assert all(plan.verdict.figures.goal_covered for plan in played.plans)
+    assert played.plans[0].verdict.figures.goal_distance == pytest.approx(far)
+    assert stands.verdict.figures.goal_distance == pytest.approx(played.to_goal, abs=1e-9)
     assert RADIUS < played.to_goal < 0.25 * far
     # It keeps its margin, and uses what is there: the samples of a path lie no farther apart than this.
     here = obstacle_clearance(planner.collision, planner.robot, played.posture, planner.obstacles)[0]
@@ -138,8 +138,8 @@ def test_the_arm_goes_as_near_to_a_covered_goal_as_it_can_and_on_when_it_clears(
     planner.take_obstacles(Obstacles.none())
     found = played.run(TICK)[0]
     assert found.verdict.ok
-    assert not found.verdict.goal_covered
-    assert math.isnan(found.verdict.goal_distance)
+    assert not found.verdict.figures.goal_covered
+    assert math.isnan(found.verdict.figures.goal_distance)
     played.run(played.nominal.duration)
     assert played.to_goal < 1e-3
 
@@ -151,8 +151,8 @@ def test_it_waits_where_it_is_where_that_is_asked_for(planner: ReactivePlanner) 
     played.planner.take_obstacles(played.on_goal())
     stands = played.run_to_rest()
     assert played.begun == 0
-    assert (stands.verdict.code, stands.verdict.goal_covered) == (VerdictCode.NO_FEASIBLE_PATH, True)
-    assert stands.verdict.goal_distance == pytest.approx(played.to_goal)
+    assert (stands.verdict.code, stands.verdict.figures.goal_covered) == (VerdictCode.NO_FEASIBLE_PATH, True)
+    assert stands.verdict.figures.goal_distance == pytest.approx(played.to_goal)
     np.testing.assert_array_equal(played.posture, played.nominal.positions[0])
 
 
@@ -229,7 +229,7 @@ def test_an_approaching_arm_stops_where_a_hold_is_requested_and_goes_on_after_it
     played = Played(planner)
     planner.take_obstacles(played.on_goal())
     played.run(0.3 * played.nominal.duration)
-    plan = planner.stop(played.now, Verdict(VerdictCode.HOLD_REQUESTED))
+    plan = planner.stop(played.now, Refusal(VerdictCode.HOLD_REQUESTED))
     assert plan.mode is Mode.STOPPING
     played.now = plan.begin + plan.reference.duration
     stopped = played.to_goal
@@ -247,7 +247,7 @@ def test_what_else_stands_there_is_counted(planner: ReactivePlanner) -> None:
     cloud = DistanceField.of(goal + 0.02 * np.eye(3), 0.02, 0.02, 0.3)
     planner.take_obstacles(replace(Obstacles.none(), cloud=cloud))
     played.run_to_rest()
-    assert played.plans[-1].verdict.goal_covered
+    assert played.plans[-1].verdict.figures.goal_covered
     assert played.to_goal < 0.25
     assert played.least > 0.0
     blocked = Played(planner)
@@ -281,6 +281,6 @@ def test_a_goal_that_the_declared_scene_covers_is_approached(name: str) -> None:
         spheres = collision.positions(robot, planner.commanded(now)[0][None])[:, moving]
         nearest = min(nearest, float(scene.clearances(spheres, radii)[0]))
     assert {verdict.code for verdict in verdicts} == {VerdictCode.NO_FEASIBLE_PATH}
-    assert all(verdict.goal_covered and "inside 'wall'" in verdict.reason for verdict in verdicts)
-    assert verdicts[-1].goal_distance < 0.06 < verdicts[0].goal_distance
+    assert all(verdict.figures.goal_covered and "inside 'wall'" in verdict.reason for verdict in verdicts)
+    assert verdicts[-1].figures.goal_distance < 0.06 < verdicts[0].figures.goal_distance
     assert 0.0 < nearest < 0.03

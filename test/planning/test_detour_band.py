@@ -10,6 +10,7 @@ from geodesic_motion_ros.planning.arm_in_scene import ArmInScene, clearance_at
 from geodesic_motion_ros.planning.detour_band import Band, band_cost, drawn_tight
 from geodesic_motion_ros.planning.detour_frame import DetourFrame
 from geodesic_motion_ros.planning.detour_search import LatticePath, cheapest_detour
+from geodesic_motion_ros.planning.status import Refusal
 from geodesic_motion_ros.robot.collision_model import CollisionModel
 from geodesic_motion_ros.robot.kinematics import Robot
 
@@ -43,7 +44,7 @@ def found(request: pytest.FixtureRequest) -> tuple[ArmInScene, LatticePath, Band
     centre = FRAME.positions[len(FRAME) // 2] if request.param == "hand" else above_the_wrist
     arm = among(centre, 0.04)
     path = cheapest_detour(FRAME, arm, REACH, MARGIN)
-    assert not isinstance(path, str), path
+    assert not isinstance(path, Refusal), path
     band = drawn_tight(FRAME, arm, path, REACH, MARGIN)
     assert band is not None
     return arm, path, band
@@ -84,7 +85,7 @@ def test_deviations_are_mahalanobis_distances(found: tuple[ArmInScene, LatticePa
 def test_without_obstacles_a_path_beside_falls_back_onto_the_base_path() -> None:
     arm = ArmInScene.of(PANDA, ARM, Obstacles.none())
     beside = cheapest_detour(FRAME, among(FRAME.positions[len(FRAME) // 2], 0.04), REACH, MARGIN)
-    assert not isinstance(beside, str)
+    assert not isinstance(beside, Refusal)
     band = drawn_tight(FRAME, arm, beside, REACH, MARGIN)
     assert band is not None
     # The base path costs its length; of what the detour adds to that less than half is left.

@@ -28,6 +28,7 @@ from geodesic_motion_ros.planning.detour_search import (
 )
 from geodesic_motion_ros.planning.posture import solve_displaced
 from geodesic_motion_ros.planning.settings import DETOUR_FELT_CLEARANCE, DETOUR_LARGEST_JOINT_STEP
+from geodesic_motion_ros.planning.status import Refusal
 from geodesic_motion_ros.robot.body_points import BodyPoints
 from geodesic_motion_ros.robot.collision_model import CollisionModel
 from geodesic_motion_ros.robot.kinematics import Robot
@@ -122,7 +123,7 @@ def test_around_an_obstacle_all_nodes_and_middles_are_clear_and_hold_their_poses
     arm = in_scene(of_kind(kind, frame.positions[len(frame) // 2]), robot, model)
     assert min(clearance_at(q, arm, 1.0) for q in frame.configurations) < 0.0
     path = cheapest_detour(frame, arm, REACH, MARGIN)
-    assert not isinstance(path, str), path
+    assert not isinstance(path, Refusal), path
     between = [0.5 * (one + other) for one, other in pairwise(path.configurations)]
     for q in [*path.configurations, *between]:
         assert clearance_at(q, arm, 1.0) >= MARGIN
@@ -185,7 +186,7 @@ def test_it_costs_what_the_cheapest_of_all_paths_costs(kind, six: Robot) -> None
     frame, model = frame_along(six), model_of(six)
     arm = in_scene(of_kind(kind, frame.positions[len(frame) // 2]), six, model)
     path = cheapest_detour(frame, arm, 0.2, MARGIN)
-    assert not isinstance(path, str), path
+    assert not isinstance(path, Refusal), path
     assert path.cost == pytest.approx(cheapest_by_dijkstra(frame, arm, 0.2, MARGIN), rel=1e-6)
 
 
@@ -193,8 +194,8 @@ def test_a_wider_reach_and_a_smaller_margin_cost_no_more() -> None:
     arm = in_scene(of_kind("sphere", MIDDLE))
     near, wide = (cheapest_detour(FRAME, arm, reach, 0.0) for reach in (0.15, 0.30))
     # Displacements of 0.30 m are those of 0.15 m and more: both are of steps of 7.5 cm.
-    assert not isinstance(wide, str)
-    assert isinstance(near, str) or wide.cost <= near.cost + 1e-9
+    assert not isinstance(wide, Refusal)
+    assert isinstance(near, Refusal) or wide.cost <= near.cost + 1e-9
     kept = [cheapest_detour(FRAME, arm, REACH, margin).cost for margin in (0.0, 0.01, 0.03)]
     assert kept == sorted(kept)
 
@@ -205,8 +206,8 @@ def test_what_cannot_pass_is_named() -> None:
         return in_scene(replace(Obstacles.none(), solids=solids, solid_velocities=np.zeros((1, 3))))
 
     across = wall(MIDDLE, [1.0, 0.02, 1.0])
-    assert cheapest_detour(FRAME, across, REACH, MARGIN) == "the hand cannot pass"
+    assert cheapest_detour(FRAME, across, REACH, MARGIN).reason == "the hand cannot pass"
     # The forearm's height, above the hand.
     elbow = PANDA.link_frames(FRAME.configurations[len(FRAME) // 2])[1][4]
     above = wall(np.array([*(0.5 * (elbow + MIDDLE))[:2], 0.95]), [0.3, 0.02, 0.33])
-    assert cheapest_detour(FRAME, above, 0.08, MARGIN) == "the arm cannot pass"
+    assert cheapest_detour(FRAME, above, 0.08, MARGIN).reason == "the arm cannot pass"

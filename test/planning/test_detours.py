@@ -20,7 +20,7 @@ from geodesic_motion_ros.planning.planner import ReactivePlanner
 from geodesic_motion_ros.planning.posture import null_vectors
 from geodesic_motion_ros.planning.settings import PlannerSettings
 from geodesic_motion_ros.planning.solver import Solver
-from geodesic_motion_ros.planning.status import VerdictCode
+from geodesic_motion_ros.planning.status import Refusal, VerdictCode
 from geodesic_motion_ros.robot.swivel import elbow_position
 from geodesic_motion_ros.skill.skill import Skill
 from geodesic_motion_ros.utils.errors import PlanningError
@@ -116,10 +116,10 @@ def test_what_blocks_every_demonstrated_path_is_passed_by_a_detour_where_allowed
         return
     assert played.at_goal
     begun = next(plan for plan in plans if plan.trajectory is not None)
-    assert 0.0 < begun.verdict.displacement <= REACH
-    assert begun.verdict.deviation > 0.0
+    assert 0.0 < begun.verdict.figures.displacement <= REACH
+    assert begun.verdict.figures.deviation > 0.0
     assert "a detour" in begun.verdict.reason
-    assert 0.0 < begun.verdict.clearance <= played.least_clearance(blocker) + 1e-4
+    assert 0.0 < begun.verdict.figures.clearance <= played.least_clearance(blocker) + 1e-4
 
 
 def test_what_goes_while_the_arm_waits_needs_no_detour(planner) -> None:
@@ -130,7 +130,7 @@ def test_what_goes_while_the_arm_waits_needs_no_detour(planner) -> None:
     planner.take_obstacles(Obstacles.none())
     plans = played.run(played.nominal.duration + 0.5)
     assert played.at_goal
-    assert {plan.verdict.displacement for plan in plans} == {0.0}
+    assert {plan.verdict.figures.displacement for plan in plans} == {0.0}
 
 
 def test_what_has_stood_for_long_is_passed_by_a_detour_at_once(planner) -> None:
@@ -140,7 +140,7 @@ def test_what_has_stood_for_long_is_passed_by_a_detour_at_once(planner) -> None:
     played.ask()
     plans = played.run(0.4)
     assert plans[-1].verdict.ok
-    assert plans[-1].verdict.displacement > 0.0
+    assert plans[-1].verdict.figures.displacement > 0.0
 
 
 def least_clearance_of_chased(planner: ReactivePlanner, reach: float) -> float:
@@ -262,7 +262,7 @@ def test_a_plan_that_is_requested_makes_a_detour_at_once(planner) -> None:
     start, goal = planner.skill.start_pose, planner.skill.goal_pose
     plan = planner.plan(start[:3], start[3:], goal[:3], goal[3:])
     assert plan.verdict.ok
-    assert plan.verdict.displacement > 0.0
+    assert plan.verdict.figures.displacement > 0.0
     assert planner.set_detour(0.0).ok
     assert not planner.plan(start[:3], start[3:], goal[:3], goal[3:]).verdict.ok
 
@@ -314,7 +314,7 @@ def test_what_cannot_be_drawn_tight_is_passed_along_the_lattice() -> None:
     planner.take_obstacles(blocker)
     plan = planner.plan(*planner.robot.forward(start), *goal)
     assert plan.verdict.ok
-    assert plan.verdict.displacement > 0.0
+    assert plan.verdict.figures.displacement > 0.0
     assert plan.reference is not None
     instants = np.linspace(0.0, plan.reference.duration, 500)
     postures = plan.reference.samples(instants)[0]
@@ -374,8 +374,8 @@ def test_a_detour_that_was_found_is_not_followed_where_it_has_become_too_long(pl
 def test_an_error_in_a_search_is_why_there_is_no_detour() -> None:
     worker = DetourWorker(0.0)
 
-    def search() -> str:
+    def search() -> Refusal:
         raise ValueError("no such thing")
 
-    assert "no such thing" in worker.start(search, 0.0).result
+    assert "no such thing" in worker.start(search, 0.0).result.reason
     worker.close()

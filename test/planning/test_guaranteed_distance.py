@@ -42,7 +42,7 @@ def played(skill: Skill, **settings: float) -> tuple[Plan, float]:
 
 def test_the_position_error_of_obstacles_is_kept_and_the_margin_is_not(reach_skill: Skill) -> None:
     plan, least = played(reach_skill, obstacle_position_error=WANTED)
-    assert plan.verdict.goal_covered
+    assert plan.verdict.figures.goal_covered
     assert least >= WANTED - 1e-6
     # The control: a goal that is nearer is reached, whatever the margin.
     plan, least = played(reach_skill, obstacle_margin=WANTED)

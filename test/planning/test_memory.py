@@ -9,13 +9,13 @@ from types import SimpleNamespace
 from geodesic_motion_ros.obstacles.obstacles import Obstacles
 from geodesic_motion_ros.planning.memory import AttemptMemory
 from geodesic_motion_ros.planning.settings import ATTEMPTS, Attempt
-from geodesic_motion_ros.planning.status import Verdict, VerdictCode
+from geodesic_motion_ros.planning.status import Refusal, VerdictCode
 from geodesic_motion_ros.utils.deadline import NEVER
 
 CAUTIOUS = tuple(attempt for attempt in ATTEMPTS if not attempt.optimistic)
 SOLVER = SimpleNamespace(attempts=ATTEMPTS, cautious=CAUTIOUS)
 QUERY = SimpleNamespace()
-NO_PATH = Verdict(VerdictCode.NO_FEASIBLE_PATH, "no path")
+NO_PATH = Refusal(VerdictCode.NO_FEASIBLE_PATH, "no path")
 TICK = 0.01
 
 
@@ -26,7 +26,7 @@ def situation(now: float, static: bool = False) -> SimpleNamespace:
 
 
 def tried(
-    ticks: int, static: bool = False, refusal: Verdict = NO_PATH, shared: Iterable[bool] = ()
+    ticks: int, static: bool = False, refusal: Refusal = NO_PATH, shared: Iterable[bool] = ()
 ) -> list[tuple[Attempt, ...]]:
     """What is tried tick after tick by an arm that has lost its path, and finds none.
 
@@ -48,7 +48,7 @@ def test_an_arm_that_has_lost_its_path_tries_all_at_once_and_then_one_in_every_t
 
 
 def test_optimistic_attempts_are_made_among_what_moves_alone_and_not_where_the_arm_is_inside_an_obstacle() -> None:
-    inside = Verdict(VerdictCode.IN_COLLISION, "inside")
+    inside = Refusal(VerdictCode.IN_COLLISION, "inside")
     for chosen in (tried(20, static=True), tried(20, refusal=inside)):
         assert not any(attempts[0].optimistic for attempts in chosen[1:])
 

@@ -10,11 +10,11 @@ import pytest
 from geodesic_motion_ros.planning.mode import TRANSITIONS, Mode
 from geodesic_motion_ros.planning.planner import ReactivePlanner
 from geodesic_motion_ros.planning.settings import PlannerSettings
-from geodesic_motion_ros.planning.status import Verdict, VerdictCode
+from geodesic_motion_ros.planning.status import Refusal, VerdictCode
 from geodesic_motion_ros.skill.skill import Skill
 
 TICK = 0.01
-HOLD = Verdict(VerdictCode.HOLD_REQUESTED, "a hold was requested")
+HOLD = Refusal(VerdictCode.HOLD_REQUESTED, "a hold was requested")
 #: Of spheres on the goal and falling past the arm [m], how fast that one falls [m/s], and how long [s].
 ON_GOAL, FALLING, FALL, PASSING = 0.05, 0.04, np.array([0.0, 0.0, -0.2]), 4.5
 

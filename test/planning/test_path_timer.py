@@ -10,9 +10,10 @@ import pytest
 
 from geodesic_motion_ros.obstacles.obstacles import Obstacles
 from geodesic_motion_ros.planning.certificate import ArmCertifier
-from geodesic_motion_ros.planning.path_timer import PathTimer, TimedPath, meeting
+from geodesic_motion_ros.planning.path_timer import JointCurve, PathTimer, TimedPath, meeting
 from geodesic_motion_ros.planning.plan import MotionState
 from geodesic_motion_ros.planning.search import LatentPath, cheapest_path
+from geodesic_motion_ros.planning.status import Refusal
 from geodesic_motion_ros.trajectory.limited_tool import LimitedTool, ToolLimits
 from geodesic_motion_studies.benchmarks.engine import mark
 from geodesic_motion_studies.benchmarks.stages import SkillBench
@@ -45,7 +46,6 @@ def resting(bench: SkillBench) -> MotionState:
 
 
 def in_motion(timed: TimedPath, time: float) -> MotionState:
-    assert timed.reference is not None
     return MotionState(time, *timed.reference.sample(time), timed.reference.latent_at(time))
 
 
@@ -55,7 +55,6 @@ def test_a_motion_begins_in_the_state_that_it_takes_over_and_ends_at_rest_at_the
     second = timer.timed(bench.query, state, path, True, math.inf)
     for timed, begun in ((first, resting(bench)), (second, state)):
         reference = timed.reference
-        assert reference is not None, timed.objection
         assert reference.keeps(bench.planner.limits)
         begin, end = reference.sample(0.0), reference.sample(reference.duration)
         for found, expected in zip(begin, (begun.position, begun.velocity, begun.acceleration), strict=True):
@@ -68,21 +67,19 @@ def test_a_path_that_does_not_lead_to_the_goal_ends_where_it_ends(bench, timer, 
     half = replace(path, polyline=path.polyline[: len(path.polyline) // 2])
     ends = []
     for to_goal in (False, True):
-        _, found = timer.joint_curve(bench.query, bench.query.start, half, to_goal)
-        assert not isinstance(found, str)
-        ends.append(found[0][-1])
+        found = timer.joint_curve(bench.query, bench.query.start, half, to_goal)
+        assert isinstance(found, JointCurve)
+        ends.append(found.configurations[-1])
     assert np.linalg.norm(ends[0] - bench.query.goal) > 0.1
     np.testing.assert_allclose(ends[1], bench.query.goal, atol=1e-12)
 
 
 def test_what_takes_longer_than_would_be_a_gain_is_not_timed_and_says_so(bench, timer, path) -> None:
     whole = timer.timed(bench.query, resting(bench), path, True, math.inf)
-    assert whole.reference is not None
     short = timer.timed(bench.query, resting(bench), path, True, 0.2 * whole.reference.duration)
-    assert short.reference is None
-    assert "no gain" in short.objection
+    assert isinstance(short, Refusal)
+    assert "no gain" in short.reason
     long = timer.timed(bench.query, resting(bench), path, True, 2.0 * whole.reference.duration)
-    assert long.reference is not None
     np.testing.assert_array_equal(long.reference.positions, whole.reference.positions)
 
 
@@ -92,20 +89,22 @@ def test_an_arm_that_stands_is_not_asked_to_stop_first(bench, timer) -> None:
     curve = np.linspace(state.position, state.position, 30)
     curve[:, 3] = np.linspace(state.position[3], upper + 0.1, 30)
     latent = np.zeros((30, 3))
-    standing = timer.timed_curve(state, curve, latent, 0.0)
-    assert standing.reference is None
+    standing = timer.timed_curve(state, JointCurve(curve, latent, 0.0))
+    assert isinstance(standing, Refusal)
     joint = bench.planner.robot.joint_names[3]
-    assert standing.objection == f"the path to the goal leads beyond the limit of joint '{joint}', by 0.100 rad"
-    moving = timer.timed_curve(replace(state, velocity=np.full(len(state.position), 0.1)), curve, latent, 0.0)
-    assert moving.objection.startswith("stopping first: ")
+    assert standing.reason == f"the path to the goal leads beyond the limit of joint '{joint}', by 0.100 rad"
+    moves = replace(state, velocity=np.full(len(state.position), 0.1))
+    moving = timer.timed_curve(moves, JointCurve(curve, latent, 0.0))
+    assert isinstance(moving, Refusal)
+    assert moving.reason.startswith("stopping first: ")
     # the control: the same path, as far as the joint goes
     curve[:, 3] = np.linspace(state.position[3], upper - 0.1, 30)
-    assert timer.timed_curve(state, curve, latent, 0.0).reference is not None
+    assert isinstance(timer.timed_curve(state, JointCurve(curve, latent, 0.0)), TimedPath)
 
 
 def test_a_curve_is_moved_onto_its_ends_and_says_by_how_much() -> None:
     curve = np.linspace([0.0, 0.0], [1.0, 0.0], 11)
-    moved, farthest = meeting(curve, np.array([0.0, 0.1]), np.array([1.0, -0.3]))
-    np.testing.assert_allclose(moved[[0, 5, -1]], [[0.0, 0.1], [0.5, -0.1], [1.0, -0.3]], atol=1e-12)
-    assert farthest == pytest.approx(0.3)
-    np.testing.assert_array_equal(meeting(curve, curve[0], curve[-1])[0], curve)
+    moved = meeting(curve, curve, np.array([0.0, 0.1]), np.array([1.0, -0.3]))
+    np.testing.assert_allclose(moved.configurations[[0, 5, -1]], [[0.0, 0.1], [0.5, -0.1], [1.0, -0.3]], atol=1e-12)
+    assert moved.correction == pytest.approx(0.3)
+    np.testing.assert_array_equal(meeting(curve, curve, curve[0], curve[-1]).configurations, curve)

@@ -19,7 +19,7 @@ from geodesic_motion_ros.obstacles.obstacles import Obstacles
 from geodesic_motion_ros.planning.pose_path import PosePath, PosePathPlanner
 from geodesic_motion_ros.planning.query import Query
 from geodesic_motion_ros.planning.settings import PlannerSettings
-from geodesic_motion_ros.planning.status import Verdict, VerdictCode
+from geodesic_motion_ros.planning.status import Refusal, VerdictCode
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.utils.errors import PlanningError
 
@@ -29,7 +29,6 @@ TOOL_RADIUS = 0.04
 
 def test_a_path_meets_both_ends_and_the_skill(planner):
     path, start, goal = planner.nominal(), planner.skill.start_pose, planner.skill.goal_pose
-    assert path.verdict.ok
     np.testing.assert_allclose(path.positions[[0, -1]], [start[:3], goal[:3]], atol=1e-9)
     assert angle_between(path.quaternions[[0, -1]], np.stack([start[3:], goal[3:]])).max() < 1e-6
     assert len(path.positions) == len(path.quaternions) == len(path.latent)
@@ -63,7 +62,7 @@ def test_two_planners_answer_with_the_same_bytes(another, planner):
         paths.append(each.nominal())
     for name in ("positions", "quaternions", "latent"):
         assert getattr(paths[0], name).tobytes() == getattr(paths[1], name).tobytes()
-    assert paths[0].verdict == paths[1].verdict
+    assert paths[0].figures == paths[1].figures
 
 
 @pytest.mark.parametrize("seed", range(10))
@@ -75,13 +74,13 @@ def test_a_sphere_on_the_path_is_hit_without_avoidance_and_not_with_it(another, 
     if seed == 0:
         blind = another(PlannerSettings(avoidance=False))
         blind.set_obstacles([centre], [radius])
-        assert blind.nominal().verdict.clearance < 0.0
+        assert blind.nominal().figures.clearance < 0.0
     assert np.linalg.norm(direct - centre, axis=1).min() < radius + TOOL_RADIUS
     planner.set_obstacles([centre], [radius])
     path = planner.nominal()
-    assert path.verdict.clearance > 0.0
+    assert path.figures.clearance > 0.0
     dense = path.resampled(3000).positions
-    assert np.linalg.norm(dense - centre, axis=1).min() - radius - TOOL_RADIUS >= path.verdict.clearance - 1e-9
+    assert np.linalg.norm(dense - centre, axis=1).min() - radius - TOOL_RADIUS >= path.figures.clearance - 1e-9
 
 
 @pytest.mark.parametrize("kind", ["box", "capsule", "cloud"])
@@ -97,16 +96,16 @@ def test_obstacles_of_every_kind_are_hit_without_avoidance_and_passed_with_it(an
         obstacles = replace(Obstacles.none(), solids=row, solid_velocities=np.zeros((1, 3)))
     blind = another(PlannerSettings(avoidance=False))
     assert blind.take_obstacles(obstacles).ok
-    assert blind.nominal().verdict.clearance < 0.0
+    assert blind.nominal().figures.clearance < 0.0
     assert planner.take_obstacles(obstacles).ok
     path = planner.nominal()
-    assert path.verdict.clearance > 0.0
+    assert path.figures.clearance > 0.0
     dense = path.resampled(3000).positions
     if kind == "cloud":
         gaps = cKDTree(seen).query(dense)[0] - 0.005 - TOOL_RADIUS
     else:
         gaps = solid_distances(dense, obstacles.solids) - TOOL_RADIUS
-    assert gaps.min() >= path.verdict.clearance - 1e-9
+    assert gaps.min() >= path.figures.clearance - 1e-9
 
 
 def test_every_sphere_of_the_tool_keeps_the_clearance(another, planner):
@@ -126,7 +125,7 @@ def test_every_sphere_of_the_tool_keeps_the_clearance(another, planner):
     assert gap(direct) < 0.0
     far.take_obstacles(sphere)
     path = far.nominal()
-    assert 0.0 < path.verdict.clearance <= gap(path) + 1e-9
+    assert 0.0 < path.figures.clearance <= gap(path) + 1e-9
 
 
 def test_an_obstacle_that_moves_counts_where_it_is(planner):
@@ -152,7 +151,7 @@ def test_a_far_obstacle_changes_nothing_and_one_that_left_leaves_no_trace(planne
     assert not np.array_equal(planner.nominal().positions, before)
     planner.set_obstacles(*NOTHING)
     np.testing.assert_array_equal(planner.nominal().positions, before)
-    assert planner.nominal().verdict.clearance == np.inf
+    assert planner.nominal().figures.clearance == np.inf
 
 
 def test_a_wall_leaves_no_path_and_says_so(planner):
@@ -172,10 +171,10 @@ def test_an_obstacle_on_an_end_is_named(another, planner, end, code, words):
     verdict = planner.refusal()
     assert verdict.code is code
     assert words in verdict.reason
-    assert verdict.goal_offset < 0.05
+    assert verdict.figures.goal_offset < 0.05
     blind = another(PlannerSettings(avoidance=False))
     blind.set_obstacles(*sphere)
-    assert blind.nominal().verdict.clearance < 0.0
+    assert blind.nominal().figures.clearance < 0.0
 
 
 @pytest.mark.parametrize(
@@ -193,7 +192,7 @@ def test_bad_poses_are_refused_with_the_reason(planner, position, quaternion, wo
     start, goal = np.split(planner.skill.start_pose, [3]), np.split(planner.skill.goal_pose, [3])
     for end, ends in (("start", (position, quaternion, *goal)), ("goal", (*start, position, quaternion))):
         for verdict in (planner.plan(*ends), planner.query(*ends)):
-            assert isinstance(verdict, Verdict)
+            assert isinstance(verdict, Refusal)
             assert verdict.code is VerdictCode.BAD_INPUT
             assert verdict.reason.startswith(end)
             assert words in verdict.reason
@@ -203,7 +202,7 @@ def test_a_goal_far_from_the_demonstrations_is_refused_with_its_distance(planner
     start, goal = planner.skill.start_pose, planner.skill.goal_pose
     verdict = planner.plan(start[:3], start[3:], goal[:3] + [0.0, 0.3, 0.0], goal[3:])
     assert verdict.code is VerdictCode.GOAL_OUT_OF_SUPPORT
-    assert verdict.goal_offset > 0.2
+    assert verdict.figures.goal_offset > 0.2
     assert "maximum_offset" in verdict.reason
 
 
@@ -211,7 +210,7 @@ def test_a_start_far_from_the_demonstrations_is_refused_with_its_distance(planne
     goal = planner.skill.goal_pose
     verdict = planner.plan(goal[:3] + [0.0, 0.0, 0.5], goal[3:], goal[:3], goal[3:])
     assert verdict.code is VerdictCode.START_OUT_OF_SUPPORT
-    assert verdict.start_offset > 0.2
+    assert verdict.figures.start_offset > 0.2
 
 
 def test_no_robot_has_to_reach_the_poses(canonical_fan_skill):

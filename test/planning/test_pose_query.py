@@ -15,7 +15,7 @@ from geodesic_motion_ros.geometry.quaternions import angle_between, rotate_by
 from geodesic_motion_ros.planning.pose_path import PosePath, PosePathPlanner
 from geodesic_motion_ros.planning.pose_query import PoseQueryBuilder
 from geodesic_motion_ros.planning.settings import PlannerSettings
-from geodesic_motion_ros.planning.status import VerdictCode
+from geodesic_motion_ros.planning.status import Figures, VerdictCode
 from geodesic_motion_ros.robot.collision_model import CollisionModel
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.skill.skill import Skill
@@ -75,10 +75,10 @@ def gap_to(curve: np.ndarray, points: np.ndarray) -> float:
 def test_shown_starts_and_goals_are_met_exactly_with_hardly_a_correction(planner, seed):
     start, goal = shown_ends(planner.skill, seed)
     path = planned(planner, start, goal)
-    verdict = path.verdict
-    assert verdict.end_correction < 0.002
-    assert verdict.in_support
-    assert max(verdict.start_beyond, verdict.goal_beyond) < 1e-6
+    figures = path.figures
+    assert figures.end_correction < 0.002
+    assert figures.in_support
+    assert max(figures.start_beyond, figures.goal_beyond) < 1e-6
     np.testing.assert_allclose(path.positions[[0, -1]], [start[0], goal[0]], atol=1e-9)
     assert angle_between(path.quaternions[[0, -1]], np.stack([start[1], goal[1]])).max() < 1e-6
 
@@ -111,35 +111,38 @@ def test_a_sphere_on_the_path_of_a_carried_query_is_passed(planner, seed):
     centre = direct.positions[random.integers(len(direct.positions) // 3, 2 * len(direct.positions) // 3)]
     planner.set_obstacles([centre + random.normal(scale=0.005, size=3)], [0.015])
     path = planned(planner, start, goal)
-    assert path.verdict.clearance > 0.0
+    assert path.figures.clearance > 0.0
     np.testing.assert_allclose(path.positions[[0, -1]], [start[0], goal[0]], atol=1e-9)
     planner.set_obstacles(*NOTHING)
     np.testing.assert_array_equal(planned(planner, start, goal).positions, direct.positions)
 
 
-def test_the_goal_verdict_has_the_offset_and_its_part_beyond_the_demonstrated(canonical_fan_skill, queries):
-    sheet, goal = canonical_fan_skill.canonical, canonical_fan_skill.goal_pose
-    inside = queries.goal_verdict([Pose(*displaced(goal, 0.9 * sheet.goal_offsets[0]))])
-    assert inside.ok
+def test_the_misfits_have_the_offset_and_its_part_beyond_the_demonstrated(canonical_fan_skill, queries):
+    skill, sheet = canonical_fan_skill, canonical_fan_skill.canonical
+
+    def misfits(offset: np.ndarray) -> Figures:
+        goal = Pose(*displaced(skill.goal_pose, offset))
+        assert queries.goal_refusal([goal]) is None
+        return queries.transport(Pose(*np.split(skill.start_pose, [3])), [goal]).misfits
+
+    inside = misfits(0.9 * sheet.goal_offsets[0])
     assert inside.goal_beyond < 1e-6
     assert inside.goal_offset > 0.005
-    upward = np.array([0.0, 0.0, 0.06, 0.0, 0.0, 0.0])
-    outside = queries.goal_verdict([Pose(*displaced(goal, upward))])
-    assert outside.ok
+    outside = misfits(np.array([0.0, 0.0, 0.06, 0.0, 0.0, 0.0]))
     assert 0.06 - sheet.goal_offsets[:, 2].max() - 1e-6 <= outside.goal_beyond < 0.05
 
 
 def test_a_goal_beyond_the_limit_is_refused_with_the_numbers(canonical_fan_skill, queries):
     goal = canonical_fan_skill.goal_pose
-    assert queries.goal_verdict([Pose(goal[:3], goal[3:])]).ok
-    refused = queries.goal_verdict([Pose(*displaced(goal, np.array([0.0, 0.05, 0.25, 0.0, 0.0, 0.0])))])
+    assert queries.goal_refusal([Pose(goal[:3], goal[3:])]) is None
+    refused = queries.goal_refusal([Pose(*displaced(goal, np.array([0.0, 0.05, 0.25, 0.0, 0.0, 0.0])))])
     assert refused.code is VerdictCode.GOAL_OUT_OF_SUPPORT
-    assert refused.goal_beyond > 0.1
-    for said in (f"{1000 * refused.goal_beyond:.0f} mm", "50 mm", "maximum_offset", "demonstrated"):
+    assert refused.figures.goal_beyond > 0.1
+    for said in (f"{1000 * refused.figures.goal_beyond:.0f} mm", "50 mm", "maximum_offset", "demonstrated"):
         assert said in refused.reason
-    turned = queries.goal_verdict([Pose(*displaced(goal, np.array([0.0, 0.0, 0.0, 1.2, 0.0, 0.0])))])
+    turned = queries.goal_refusal([Pose(*displaced(goal, np.array([0.0, 0.0, 0.0, 1.2, 0.0, 0.0])))])
     assert turned.code is VerdictCode.GOAL_OUT_OF_SUPPORT
-    assert turned.goal_beyond_angle > 0.5
+    assert turned.figures.goal_beyond_angle > 0.5
 
 
 def test_a_start_in_the_middle_of_the_task_is_met_too(planner):
@@ -196,7 +199,7 @@ def test_conditioning_changes_the_path_only_where_the_skill_regresses(canonical_
     np.testing.assert_array_equal(planned(without, start, goal).positions, free)
     regressing = replace(canonical_fan_skill, canonical=replace(canonical_fan_skill.canonical, penalty=0.3))
     conditioned = planned(PosePathPlanner(regressing), start, goal)
-    assert conditioned.verdict.end_correction < 0.002
+    assert conditioned.figures.end_correction < 0.002
     assert not np.array_equal(conditioned.positions, free)
     np.testing.assert_allclose(conditioned.positions[[0, -1]], [start[0], goal[0]], atol=1e-9)
 
@@ -216,7 +219,7 @@ def test_a_single_demonstration_is_a_skill_that_can_be_carried(stored, varying_f
     offset = np.array([0.02, -0.01, 0.02, 0.05, 0.0, -0.1])
     start, goal = displaced(skill.start_pose, offset), displaced(skill.goal_pose, -offset)
     path = planned(planner, start, goal)
-    assert path.verdict.end_correction < 0.002
-    assert path.verdict.goal_beyond == pytest.approx(np.linalg.norm(offset[:3]), abs=1e-6)
+    assert path.figures.end_correction < 0.002
+    assert path.figures.goal_beyond == pytest.approx(np.linalg.norm(offset[:3]), abs=1e-6)
     np.testing.assert_allclose(path.positions[[0, -1]], [start[0], goal[0]], atol=1e-9)
     assert gap_to(varying_fan[3].positions, mean_path(planner).positions) < 0.02

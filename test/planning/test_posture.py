@@ -40,7 +40,7 @@ def test_a_path_is_followed_by_steps_of_least_norm(joints: int, six: Robot) -> N
     robot = PANDA if joints == 7 else six
     positions, quaternions, start = line(robot, 0.2 if joints == 7 else 0.1)
     path = solve_path(robot, positions, quaternions, start)
-    assert path.objection(robot) == ""
+    assert path.refusal(robot) is None
     assert_holds(robot, path.configurations, positions, quaternions)
     np.testing.assert_allclose(path.configurations[0], start, atol=1e-6)
     steps = np.diff(path.configurations, axis=0)
@@ -64,7 +64,7 @@ def test_an_arm_of_five_joints_is_brought_to_positions_and_turned_as_near_as_it_
     position, quaternion = five.forward(start)
     positions = position + np.linspace(0.0, 0.1, 30)[:, None] * [0.0, 1.0, 0.2]
     path = solve_path(five, positions, np.tile(quaternion, (30, 1)), start)
-    assert path.objection(five) == ""
+    assert path.refusal(five) is None
     there, turned = poses_of(five, path.configurations)
     np.testing.assert_allclose(there, positions, atol=2e-6)
     assert np.max(angle_between(turned, quaternion)) > 0.01
@@ -98,7 +98,7 @@ def test_swivels_move_the_arm_along_its_null_vectors_and_leave_the_tool() -> Non
     positions, quaternions, start = line(PANDA)
     still = solve_path(PANDA, positions, quaternions, start)
     turned = solve_path(PANDA, positions, quaternions, start, np.full(len(positions), 0.01))
-    assert turned.objection(PANDA) == ""
+    assert turned.refusal(PANDA) is None
     assert_holds(PANDA, turned.configurations, positions, quaternions)
     assert np.linalg.norm(turned.configurations[-1] - still.configurations[-1]) > 0.3
 
@@ -110,16 +110,16 @@ def test_a_path_on_which_joints_trade_off_is_followed_without_a_jump() -> None:
     demonstrated[:, 1] = joint
     positions, quaternions = poses_of(PANDA, demonstrated)
     path = solve_path(PANDA, positions, quaternions, demonstrated[0])
-    assert path.objection(PANDA) == ""
+    assert path.refusal(PANDA) is None
     assert np.max(np.abs(np.diff(path.configurations, axis=0))) < 0.05
 
 
 def test_what_cannot_be_reached_is_named_with_its_place_and_reason() -> None:
     positions, quaternions, start = line(PANDA, 1.2, 200)
-    assert "it does not reach the poses" in solve_path(PANDA, positions, quaternions, start).objection(PANDA)
+    assert "it does not reach the poses" in solve_path(PANDA, positions, quaternions, start).refusal(PANDA).reason
     twisted = np.linspace(0.0, 4.0, 200)[:, None] * np.eye(7)[6] + PANDA.ready
     path = solve_path(PANDA, *poses_of(PANDA, twisted), PANDA.ready.copy())
-    objection = path.objection(PANDA)
+    objection = path.refusal(PANDA).reason
     assert "the arm cannot hold the path from" in objection
     assert "limit of joint 'panda_joint" in objection
     first = np.flatnonzero(~path.reached)[0]
@@ -133,7 +133,7 @@ def test_poses_beside_a_path_are_reached_in_its_posture() -> None:
     posture = Posture(tau, path.configurations, path.nulls)
     beside = positions + [0.03, 0.0, -0.02]
     found = solve_beside(PANDA, beside, quaternions, start, posture, tau)
-    assert found.objection(PANDA) == ""
+    assert found.refusal(PANDA) is None
     assert_holds(PANDA, found.configurations, beside, quaternions)
     off = np.sum(path.nulls * (found.configurations - path.configurations), axis=1)
     np.testing.assert_allclose(off, 0.0, atol=1e-5)

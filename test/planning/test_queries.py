@@ -205,7 +205,7 @@ def check(answer: Verdict | Plan) -> None:
     assert verdict.ok or verdict.reason, answer
     if reference is not None:
         assert np.all(np.isfinite(reference.positions)), answer
-        assert not (verdict.ok and np.isnan(verdict.clearance)), answer
+        assert not (verdict.ok and np.isnan(verdict.figures.clearance)), answer
 
 
 def test_demonstrations_that_end_at_a_joint_limit_are_no_exception() -> None:

@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 
 from geodesic_motion_ros.obstacles.obstacles import Obstacles
-from geodesic_motion_ros.planning.path_timer import TimedPath
 from geodesic_motion_ros.planning.plan import MotionState
 from geodesic_motion_ros.planning.retry import Asked, Question, Workings, is_due
 from geodesic_motion_ros.planning.search import LatentPath
+from geodesic_motion_ros.planning.status import Refusal, VerdictCode
 
 PERIOD = 0.1
 HERE, THERE = np.zeros(7), np.ones(7)
@@ -67,9 +67,9 @@ class CountingTimer:
     def __init__(self) -> None:
         self.timed_paths = 0
 
-    def timed(self, *_: object) -> TimedPath:
+    def timed(self, *_: object) -> Refusal:
         self.timed_paths += 1
-        return TimedPath(np.empty(0), None, "timed")
+        return Refusal(VerdictCode.NO_FEASIBLE_PATH, "timed")
 
 
 def test_one_path_from_one_state_is_timed_once() -> None:

@@ -173,7 +173,7 @@ def test_a_detour_stays_in_what_is_seen(name: str) -> None:
     blocked = blocked_planner(name, entry)
     reference, verdict = planned(blocked, obstacles)
     assert reference is not None, verdict
-    assert verdict.displacement > 0.05
+    assert verdict.figures.displacement > 0.05
     # Paths of the skill are played within 3 mm of the base path that a detour is searched beside.
     assert excursion(blocked, reference, base, entry) <= 0.003
 

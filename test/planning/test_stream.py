@@ -17,7 +17,7 @@ from geodesic_motion_ros.planning.plan import Plan
 from geodesic_motion_ros.planning.played import Followed, PlayedTrajectory
 from geodesic_motion_ros.planning.settings import PlannerSettings
 from geodesic_motion_ros.planning.situation import Situation
-from geodesic_motion_ros.planning.status import Verdict, VerdictCode
+from geodesic_motion_ros.planning.status import Refusal, Verdict, VerdictCode
 from geodesic_motion_ros.planning.stream import Stream
 from geodesic_motion_ros.robot.collision_model import CollisionModel
 from geodesic_motion_ros.robot.kinematics import Robot
@@ -33,7 +33,7 @@ CERTIFIER = ArmCertifier(ROBOT, MODEL)
 QUERY = SimpleNamespace()
 #: To the side, by the first joint.
 TURN = np.array([1.2, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0])
-OK, NO_PATH = Verdict(VerdictCode.OK), Verdict(VerdictCode.NO_FEASIBLE_PATH, "no path")
+OK, NO_PATH = Verdict(), Refusal(VerdictCode.NO_FEASIBLE_PATH, "no path")
 
 
 def judged(reference: JointReference, obstacles: Obstacles | None = None) -> JudgedTrajectory:
@@ -76,7 +76,7 @@ def going(
     """A stream that turns to the side from a time [s] on."""
     stream = Stream(CERTIFIER)
     stream.stand(judged(JointReference.standing(ROBOT.ready, np.zeros(2))), now)
-    plan = Plan(straight(ROBOT.ready, ROBOT.ready + TURN), now, replace(OK, clearance=clearance))
+    plan = Plan(straight(ROBOT.ready, ROBOT.ready + TURN), now, OK.with_figures(clearance=clearance))
     start = at(stream, now, settings=settings)
     stream.commit(start.handed_out(plan, Followed.begun(QUERY, plan, start.obstacles, start.now, purpose)), now)
     return stream
@@ -193,7 +193,7 @@ def test_a_stop_that_is_met_is_the_sooner_one_where_that_is_met_less_deep(share:
     assert np.min(behind.stop.certificate.clearance) < 0.0
     assert behind.widest_stop.reference.duration == along.duration
     plan = stopped(stream, ahead)
-    assert plan.verdict.clearance == np.min(chosen.certificate.clearance)
+    assert plan.verdict.figures.clearance == np.min(chosen.certificate.clearance)
     np.testing.assert_allclose(plan.reference.positions[-1], chosen.reference.positions[-1], atol=1e-12)
 
 
@@ -202,7 +202,7 @@ def test_a_stop_states_what_is_met_while_stopping_and_its_certificate_is_honest(
     stream = going()
     plan = stopped(stream, at(stream, 0.5, met))
     assert "while stopping, 'panda_" in plan.verdict.reason
-    assert plan.trajectory.nearest == plan.verdict.clearance < 0.0
+    assert plan.trajectory.nearest == plan.verdict.figures.clearance < 0.0
     assert len(plan.trajectory.clearance) == len(plan.reference.times) - 1
     blind = replace(SETTINGS, avoidance=False)
     stream = going(blind)
@@ -232,13 +232,13 @@ def test_what_is_found_too_late_changes_nothing() -> None:
 
 def test_a_path_is_free_from_where_the_arm_is_on() -> None:
     stream = going()
-    assert at(stream, 0.1).free_path(QUERY).verdict.clearance == np.inf
+    assert at(stream, 0.1).free_path(QUERY).verdict.figures.clearance == np.inf
     assert at(stream, 0.1).free_path(SimpleNamespace()) is None
     obstacles = ball(ROBOT.ready)
     assert at(stream, 0.0, obstacles).free_path(QUERY) is None
-    assert at(stream, 0.8 * stream.played.end, obstacles).free_path(QUERY).verdict.clearance > 0.0
+    assert at(stream, 0.8 * stream.played.end, obstacles).free_path(QUERY).verdict.figures.clearance > 0.0
     blind = replace(SETTINGS, avoidance=False)
-    assert at(going(blind), 0.0, obstacles, settings=blind).free_path(QUERY).verdict.clearance < 0.0
+    assert at(going(blind), 0.0, obstacles, settings=blind).free_path(QUERY).verdict.figures.clearance < 0.0
 
 
 @pytest.mark.parametrize(

@@ -21,7 +21,7 @@ from geodesic_motion_ros.planning.declared_scene import DeclaredScene
 from geodesic_motion_ros.planning.planner import ReactivePlanner
 from geodesic_motion_ros.robot.body_points import end_effector_poses
 from geodesic_motion_ros.skill.skill import Skill
-from geodesic_motion_ros.planning.status import Verdict, VerdictCode
+from geodesic_motion_ros.planning.status import Refusal, VerdictCode
 
 def loaded():
     modules = [module for name, module in sys.modules.items() if name.startswith("geodesic_motion_ros")]
@@ -60,7 +60,7 @@ for path in example_paths(planner):
         codes.add(planner.tick(time_of, deadline).verdict.code.name)
     planner.set_goal(skill.goal_pose[:3] + 0.01, skill.goal_pose[3:])
     planner.tick(time_of + 0.1)
-    planner.stop(time_of + 0.2, Verdict(VerdictCode.NO_GOAL))
+    planner.stop(time_of + 0.2, Refusal(VerdictCode.NO_GOAL))
 planner.plan(*ends)
 # The goal is covered.
 planner.stand_at(path[0], 5.0)

@@ -66,7 +66,7 @@ class Approach(Proposer):
         situation, settings = turn.situation, turn.situation.settings
         if turn.memory.origin(turn.query) is not turn.query:
             return False
-        if not (turn.verdict.goal_covered and settings.approach_covered_goal and settings.avoidance):
+        if not (turn.verdict.figures.goal_covered and settings.approach_covered_goal and settings.avoidance):
             return False
         followed = situation.followed
         return followed is None or followed.purpose is not Purpose.EVASION or situation.at_rest

@@ -111,7 +111,7 @@ def _assessed(turn: Turn, asked: Mapping[str, Asked]) -> tuple[bool, str | None]
 def _begun(turn: Turn, plan: Plan) -> Turn:
     """The last turn, in which the arm begins an evasion path."""
     situation, verdict = turn.situation, turn.verdict
-    reason = f"{verdict.reason}; evading what is coming"
-    plan = replace(plan, verdict=replace(verdict, clearance=plan.verdict.clearance, reason=reason))
+    verdict = verdict.with_figures(clearance=plan.verdict.figures.clearance)
+    plan = replace(plan, verdict=verdict.with_remark("evading what is coming"))
     begun = Followed.begun(turn.query, plan, situation.obstacles, situation.now, Purpose.EVASION)
     return replace(turn, step=situation.handed_out(plan, begun), decided=True)

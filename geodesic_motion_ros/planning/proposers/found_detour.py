@@ -19,7 +19,7 @@ class FoundDetour(Proposer):
         if search is None or not may_leave(turn):
             return turn
         request = turn.detour_request
-        if not search.job.done(situation.now) or search.reason(request, situation.now):
+        if not search.job.done(situation.now) or search.refusal_of(request, situation.now):
             return turn
         detour = search.found(request)
         if detour is None:
@@ -28,7 +28,7 @@ class FoundDetour(Proposer):
         if plan.trajectory is not None:
             query = cast(ArmQuery, detour.query)  # those that an arm's own search finds are of its queries
             return turn.taken(query, plan, memory.after(plan, query, None, (), situation))
-        return replace(turn, memory=replace(memory, detour=replace(search, refusal=plan.verdict.reason)))
+        return replace(turn, memory=replace(memory, detour=replace(search, refusal=plan.refusal)))
 
 
 class WantedDetour(Proposer):

@@ -9,7 +9,7 @@ import numpy as np
 from geodesic_motion_ros.planning.memory import Blocked
 from geodesic_motion_ros.planning.proposers.turn import Proposer, Turn
 from geodesic_motion_ros.planning.query import ArmQuery
-from geodesic_motion_ros.planning.status import Verdict
+from geodesic_motion_ros.planning.status import Refusal
 
 
 class GraphPath(Proposer):
@@ -28,7 +28,7 @@ class GraphPath(Proposer):
         memory = memory.after(plan, query, tried, attempts, situation)
         if plan.trajectory is not None:
             return turn.taken(query, plan, memory)
-        return replace(turn, query=query, verdict=plan.verdict, memory=memory)
+        return replace(turn, query=query, verdict=plan.refusal, memory=memory)
 
 
 def _query_to_try(turn: Turn, blocked: Blocked | None) -> tuple[ArmQuery | None, Blocked | None]:
@@ -53,7 +53,7 @@ def _query_to_try(turn: Turn, blocked: Blocked | None) -> tuple[ArmQuery | None,
     other, position = None, situation.state.position
     if query is blocked.origin and not np.array_equal(query.start, position):
         anew = queries.build(position, turn.goal)
-        other = None if isinstance(anew, Verdict) else anew
+        other = None if isinstance(anew, Refusal) else anew
     other = other or queries.other_posture(query)
     if other is None and blocked.unfinished:
         return queries.first_posture(blocked.origin), None

@@ -15,9 +15,9 @@ from geodesic_motion_ros.planning.query import ArmGoal, ArmQuery
 from geodesic_motion_ros.planning.search import KnownPaths
 from geodesic_motion_ros.planning.settings import Attempt
 from geodesic_motion_ros.planning.situation import Situation
-from geodesic_motion_ros.planning.status import Verdict, VerdictCode
+from geodesic_motion_ros.planning.status import Refusal, VerdictCode
 
-_NO_PATH = Verdict(VerdictCode.NO_FEASIBLE_PATH)
+_NO_PATH = Refusal(VerdictCode.NO_FEASIBLE_PATH)
 
 
 class Proposer(ABC):
@@ -55,7 +55,7 @@ class Turn:
     query: ArmQuery
     memory: AttemptMemory
     later: tuple[Proposer, ...] = ()
-    verdict: Verdict = _NO_PATH
+    verdict: Refusal = _NO_PATH
     step: Step | None = None
     decided: bool = False
     detour: DetourRequest | None = None
@@ -66,7 +66,7 @@ class Turn:
         situation = self.situation
         return DetourRequest(self.origin, self.goal, situation.obstacles, situation.reach, situation.state.position)
 
-    def is_taken(self, refusal: Verdict) -> bool:
+    def is_taken(self, refusal: Refusal) -> bool:
         """Whether a later proposer takes the tick, where there is no path for a reason."""
         return any(proposer.takes_the_tick(replace(self, verdict=refusal)) for proposer in self.later)
 
@@ -76,7 +76,7 @@ class Turn:
         attempts: tuple[Attempt, ...],
         known: KnownPaths | None = None,
         longest: float = math.inf,
-        refusal: Verdict | None = None,
+        refusal: Refusal | None = None,
     ) -> Plan:
         """The certified motion to the goal of a query; arguments as of `Solver.solve`."""
         situation = self.situation

@@ -27,7 +27,7 @@ from geodesic_motion_ros.planning.plan import MotionState, Plan
 from geodesic_motion_ros.planning.planner import ReactivePlanner
 from geodesic_motion_ros.planning.query import ArmQuery
 from geodesic_motion_ros.planning.solver import Solver
-from geodesic_motion_ros.planning.status import Verdict, VerdictCode
+from geodesic_motion_ros.planning.status import Refusal, VerdictCode
 from geodesic_motion_ros.skill.skill import Skill
 from geodesic_motion_ros.utils.errors import ParameterError
 from geodesic_motion_studies.benchmarks.stopwatch import Stopwatch, no_garbage_collection
@@ -113,7 +113,7 @@ class DetourBench:
             start, goal = arena.shown[first, 0], arena.shown[last, -1]
             planner.stand_at(start, 0.0)
             prepared = planner.prepared_configuration(goal)
-            if isinstance(prepared, Verdict) or prepared.query is None:
+            if isinstance(prepared, Refusal) or prepared.query is None:
                 continue
             still = np.zeros_like(start)
             state = MotionState(0.0, start, still, still, prepared.query.start_latent)
@@ -156,8 +156,8 @@ class DetourBench:
             for play in range(self._plays):
                 with first[play]:
                     found = self._first(motion, obstacles)
-                if isinstance(found, str):
-                    into.refusals[found] += 1
+                if isinstance(found, Refusal):
+                    into.refusals[found.reason] += 1
                     return
                 with band[play]:
                     drawn = drawn_tight(found.frame, found.arm, found.path, self._reach, self.margin)
@@ -172,10 +172,10 @@ class DetourBench:
                 into.band.add(Stopwatch.fastest(band), [0])
             into.gains.append(band_cost(found.frame, found.arm, drawn) / found.path.cost)
 
-    def _first(self, motion: BlockedMotion, obstacles: Obstacles) -> _First | str:
+    def _first(self, motion: BlockedMotion, obstacles: Obstacles) -> _First | Refusal:
         """The lattice's path, timed and certified; or why there is none."""
         frames, planner = self._detours.frames(motion.query, obstacles), self.planner
-        if isinstance(frames, str):
+        if isinstance(frames, Refusal):
             return frames
         arm = ArmInScene.of(planner.robot, planner.collision, obstacles)
         for frame in frames:

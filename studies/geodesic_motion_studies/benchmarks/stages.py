@@ -28,7 +28,7 @@ from geodesic_motion_ros.planning.path_smoothing import resample_latent, smooth_
 from geodesic_motion_ros.planning.planner import ReactivePlanner
 from geodesic_motion_ros.planning.search import cheapest_path
 from geodesic_motion_ros.planning.settings import PlannerSettings
-from geodesic_motion_ros.planning.status import Verdict
+from geodesic_motion_ros.planning.status import Refusal
 from geodesic_motion_ros.robot.solutions import STARTS, numerical_solutions, spread
 from geodesic_motion_ros.skill.skill import Skill
 from geodesic_motion_ros.trajectory.timing import timed_joint_reference
@@ -64,8 +64,8 @@ class SkillBench:
         self._certifier = ArmCertifier(planner.robot, model)
         queries = ConfigurationQueryBuilder(skill, planner.graph, planner.settings, planner.robot, model)
         choice = queries.goal_by_configuration(self._goal, TaskFrame.identity())
-        query = choice if isinstance(choice, Verdict) else queries.build(self._start, choice)
-        if isinstance(query, Verdict):
+        query = choice if isinstance(choice, Refusal) else queries.build(self._start, choice)
+        if isinstance(query, Refusal):
             raise ParameterError(f"skill '{skill.name}' has no path along its first demonstration: {query.reason}")
         self.query = query
         source = next(
@@ -91,7 +91,7 @@ class SkillBench:
                 found = cheapest_path(
                     planner.graph, query, query.start_latent, evaluation, planner.settings.obstacle_margin
                 )
-            if isinstance(found, Verdict):
+            if isinstance(found, Refusal):
                 continue
             with watches["refine"]:
                 curve = refined(query.field, evaluation, planner.settings.obstacle_margin, found.polyline)

@@ -89,7 +89,7 @@ class Replanning(ABC):
             self._swept = self._certifier.swept(self._played)
         left = self._swept.since(switch - self._begin)
         certificate = self._certifier.certify_swept(left, obstacles, PREDICTION)
-        return self._certifier.objection(certificate) is None
+        return not self._certifier.objection(certificate)
 
     def _new_reference(self, switch: float, obstacles: Obstacles) -> JointReference | None:
         local = switch - self._begin
@@ -104,7 +104,7 @@ class Replanning(ABC):
             if reference is None:
                 continue
             certificate = self._certifier.certify(reference, obstacles, PREDICTION)
-            if self._certifier.objection(certificate, margin) is None:
+            if not self._certifier.objection(certificate, margin):
                 return reference
         return None
 

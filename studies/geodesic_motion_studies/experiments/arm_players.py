@@ -119,7 +119,7 @@ class OurArm:
         if found is None:
             return plan.verdict.reason
         path = every(CHECK_PERIOD, found)
-        return Played(path, found.latent, found.duration, found, promised=plan.verdict.clearance)
+        return Played(path, found.latent, found.duration, found, promised=plan.verdict.figures.clearance)
 
     def families_at(self, latent: np.ndarray) -> np.ndarray:
         """By the nearest ridge."""

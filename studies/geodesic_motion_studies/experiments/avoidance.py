@@ -38,7 +38,7 @@ from geodesic_motion_ros.manifold.decoder import rms_sigma
 from geodesic_motion_ros.planning.path_smoothing import correct_ends
 from geodesic_motion_ros.planning.pose_path import PosePath, PosePathPlanner
 from geodesic_motion_ros.planning.settings import PlannerSettings
-from geodesic_motion_ros.planning.status import Verdict
+from geodesic_motion_ros.planning.status import Refusal, Verdict
 from geodesic_motion_ros.utils.errors import ParameterError
 from geodesic_motion_ros.utils.tables import text_table
 from geodesic_motion_studies.experiments.imitation_judge import EVERY_END
@@ -262,7 +262,7 @@ def _scenes_of(
     """The scenes on the path of one query; None where there is no path even without obstacles."""
     planner.set_obstacles(np.empty((0, 3)), np.empty(0))
     path = planner.plan(*query.start, *query.goal)
-    if isinstance(path, Verdict):
+    if isinstance(path, Refusal):
         return None
     random = np.random.default_rng([settings.seed, query.seed, query.demonstration])
     fractions = random.uniform(*INTERIOR, settings.scenes)
@@ -297,10 +297,10 @@ def _scene(
         sigma, _ = planner.skill.decoder.uncertainty(path.latent)
         off_support = bool(np.max(rms_sigma(sigma)) > planner.skill.sigma_limit)
         measured = measured_clearance(path, centre, radius, planner.settings)
-    verdict = path.verdict if isinstance(path, PosePath) else path
+    verdict = Verdict(figures=path.figures) if isinstance(path, PosePath) else path
     return Scene(
         query.task, query.demonstration, query.seed, radius, tuple(centre.tolist()), fraction, free,
-        verdict.code.name, verdict.reason, verdict.ok, verdict.clearance, measured,
+        verdict.code.name, verdict.reason, verdict.ok, verdict.figures.clearance, measured,
         off_support,
     )  # fmt: skip
 

@@ -139,7 +139,7 @@ class BlockedPaths:
         path = every(CHECK_PERIOD, plan.reference)
         switched = query.family(path) != query.family(every(CHECK_PERIOD, nominal))
         clearance = self.clearance(path, centres, radii)
-        return Answer("", True, clearance, plan.verdict.clearance, switched), plan.reference
+        return Answer("", True, clearance, plan.verdict.figures.clearance, switched), plan.reference
 
     # -------------------------------------------------------------- drawing
 

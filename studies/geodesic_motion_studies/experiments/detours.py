@@ -177,7 +177,7 @@ def _played(
         if now >= appears:
             planner.take_obstacles(sphere)
         plan = planner.tick(now)
-        displacement = max(displacement, plan.verdict.displacement)
+        displacement = max(displacement, plan.verdict.figures.displacement)
         ticks += 1
         commanded = planner.commanded(ticks * TICK)
         assert commanded is not None

@@ -39,7 +39,7 @@ from geodesic_motion_ros.manifold.encoder import TaskSpaceEncoder
 from geodesic_motion_ros.paper.paper_planner import PaperPlanner
 from geodesic_motion_ros.planning.pose_path import PosePathPlanner
 from geodesic_motion_ros.planning.settings import PlannerSettings
-from geodesic_motion_ros.planning.status import Verdict
+from geodesic_motion_ros.planning.status import Refusal
 from geodesic_motion_ros.robot.inverse_kinematics import solve
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.simulation.joint_teacher import draw_reaching_query, reach_to_grasp
@@ -326,10 +326,10 @@ def ask_targets(
         start, goal = draw_reaching_query(random)
         for row, planner in planners.items():
             path = planner.plan(*start, *goal)
-            if isinstance(path, Verdict):
+            if isinstance(path, Refusal):
                 found.append(Target(row, seed, None, path.reason))
                 continue
-            carried = 0.5 * (path.verdict.start_offset + path.verdict.goal_offset)
+            carried = 0.5 * (path.figures.start_offset + path.figures.goal_offset)
             found.append(_target(row, seed, path, (start, goal), curves, carried))
         others = task_line(shown, start, goal).corrected, nearest_piece(shown, start, goal), literally(start, goal)
         found += [_target(row, seed, path, (start, goal), curves) for row, path in zip(ROWS[2:], others, strict=True)]

@@ -20,7 +20,7 @@ from geodesic_motion_ros.manifold.encoder import TaskSpaceEncoder
 from geodesic_motion_ros.manifold.transport import faded
 from geodesic_motion_ros.planning.pose_path import PosePath, PosePathPlanner
 from geodesic_motion_ros.planning.settings import PlannerSettings
-from geodesic_motion_ros.planning.status import Verdict
+from geodesic_motion_ros.planning.status import Refusal
 from geodesic_motion_ros.skill.sheet import METRES_PER_RADIAN
 from geodesic_motion_ros.skill.skill import Skill
 from geodesic_motion_studies.experiments.baselines import PREDICTORS, Prediction
@@ -89,17 +89,17 @@ class Judge:
 
     def _geodesic(
         self, row: str, index: int, held_out: Demonstration, planner: PosePathPlanner, seed: int
-    ) -> tuple[Measurement, PosePath | Verdict]:
+    ) -> tuple[Measurement, PosePath | Refusal]:
         path = planner.plan(*held_out.curve.start, *held_out.curve.goal)
-        if isinstance(path, Verdict):
+        if isinstance(path, Refusal):
             return Measurement(row, index, seed, {"off_manifold": _left_support(path)}, path.sentence), path
-        verdict = path.verdict
+        figures = path.figures
         values = self._compared(path, held_out) | self._ends(path, held_out, "after")
         if planner.skill.canonical is None:
-            values["endpoint_before_mm"] = 500.0 * (verdict.start_offset + verdict.goal_offset)
-            values["endpoint_before_deg"] = self._degrees([verdict.start_offset_angle, verdict.goal_offset_angle])
+            values["endpoint_before_mm"] = 500.0 * (figures.start_offset + figures.goal_offset)
+            values["endpoint_before_deg"] = self._degrees([figures.start_offset_angle, figures.goal_offset_angle])
         else:
-            values["endpoint_before_mm"] = 1e3 * verdict.end_correction
+            values["endpoint_before_mm"] = 1e3 * figures.end_correction
         values["off_manifold"] = _off_manifold(planner.skill, path.latent)
         return Measurement(row, index, seed, values), path
 
@@ -181,7 +181,7 @@ def sheet_oracle(planner: PosePathPlanner, held_out: Demonstration) -> PoseCurve
     None where the sheet cannot be carried there.
     """
     query = planner.query(*held_out.curve.start, *held_out.curve.goal)
-    if isinstance(query, Verdict):
+    if isinstance(query, Refusal):
         return None
     wanted = held_out.curve.resampled(COMPARED_POINTS)
     features = np.concatenate([query.graph.positions, METRES_PER_RADIAN * 2.0 * query.graph.quaternions], axis=1)
@@ -206,6 +206,7 @@ def _off_manifold(skill: Skill, latent: np.ndarray) -> float:
     return float(np.max(rms_sigma(sigma)) > skill.sigma_limit)
 
 
-def _left_support(refusal: Verdict) -> float:
+def _left_support(refusal: Refusal) -> float:
     """1 or 0 where a path was found and refused, NaN where there was none to judge."""
-    return float(not refusal.in_support) if math.isfinite(refusal.energy_per_edge) else math.nan
+    figures = refusal.figures
+    return float(not figures.in_support) if math.isfinite(figures.energy_per_edge) else math.nan

@@ -36,7 +36,7 @@ from geodesic_motion_ros.planning.configuration_query import ConfigurationGoal
 from geodesic_motion_ros.planning.planner import ReactivePlanner
 from geodesic_motion_ros.planning.pose_path import PosePath, PosePathPlanner
 from geodesic_motion_ros.planning.settings import PlannerSettings
-from geodesic_motion_ros.planning.status import Verdict
+from geodesic_motion_ros.planning.status import Refusal
 from geodesic_motion_ros.robot.collision_model import CollisionModel
 from geodesic_motion_ros.robot.kinematics import Robot, link_frames
 from geodesic_motion_ros.robot.robots.panda.inverse_kinematics import MOST, solutions_at, wrist_frames
@@ -112,7 +112,7 @@ class Limbs(Study):
         tool = PosePathPlanner(skill, self.planner)
         poses = *arm.robot.forward(start), *arm.robot.forward(goal)
         free = tool.plan(*poses)
-        if nominal is None or isinstance(free, Verdict):
+        if nominal is None or isinstance(free, Refusal):
             raise ParameterError("there is no path, although nothing blocks it: the skills are not of one task")
         arm_path = every(CHECK_PERIOD, nominal)
         family = int(np.argmin([np.linalg.norm(mean[len(mean) // 2] - arm_path[len(arm_path) // 2]) for mean in means]))
@@ -124,7 +124,7 @@ class Limbs(Study):
         avoiding = arm.plan_configurations(*query).reference
         tool.set_obstacles(centres, radii)
         path = tool.plan(*poses)
-        if isinstance(path, Verdict):
+        if isinstance(path, Refusal):
             raise ParameterError(f"the sphere was to leave the tool's path free, but: {path.reason}")
         along = path.positions, path.quaternions
         worst_centre = worst_sphere(*(part[np.linspace(0, len(part) - 1, _POSES).astype(int)] for part in along))
@@ -153,7 +153,7 @@ class Limbs(Study):
             along=solved(*along, centres, radii, self.solutions),
             literal_moved=_moved(literal_path, literal_free),
             literal=solved(literal_path.positions, literal_path.quaternions, centres, radii, self.solutions),
-            tool_clearance=path.verdict.clearance,
+            tool_clearance=path.figures.clearance,
             worst_centre=worst_centre,
             worst=solved(*along, worst_centre[None], radii, self.solutions),
             nominal=nominal,

@@ -34,7 +34,7 @@ from geodesic_motion_ros.learning.settings import TrainingSettings
 from geodesic_motion_ros.manifold.tool_points import tool_points
 from geodesic_motion_ros.planning.pose_path import PosePath, PosePathPlanner
 from geodesic_motion_ros.planning.settings import PlannerSettings
-from geodesic_motion_ros.planning.status import Verdict
+from geodesic_motion_ros.planning.status import Refusal, VerdictCode
 from geodesic_motion_ros.simulation.teacher import PILLAR, SIDES, draw_passing_query, two_mode_demonstrations
 from geodesic_motion_ros.skill.skill import Skill
 from geodesic_motion_ros.utils.tables import Cell, text_table
@@ -331,10 +331,10 @@ def pillar_clearance(curve: PoseCurve, settings: PlannerSettings) -> float:
     return float(np.min(distances))
 
 
-def _answer(path: PosePath | Verdict, means: Sequence[PoseCurve], settings: PlannerSettings) -> Answer:
-    if isinstance(path, Verdict):
+def _answer(path: PosePath | Refusal, means: Sequence[PoseCurve], settings: PlannerSettings) -> Answer:
+    if isinstance(path, Refusal):
         return Answer(path.code.name, path.reason, False)
-    return judged(path, means, settings, path.verdict.code.name, path.verdict.reason)
+    return judged(path, means, settings, VerdictCode.OK.name)
 
 
 def judged(
@@ -355,7 +355,7 @@ def _middle_distance(curve: PoseCurve, other: PoseCurve) -> float:
     return float(cKDTree(other.resampled(_SAMPLES).positions).query(middle)[0].mean())
 
 
-def _positions(path: PosePath | Verdict | None) -> np.ndarray | None:
+def _positions(path: PosePath | Refusal | None) -> np.ndarray | None:
     return path.positions if isinstance(path, PosePath) else None
 
 

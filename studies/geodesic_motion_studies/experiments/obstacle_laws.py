@@ -55,7 +55,7 @@ from geodesic_motion_ros.planning.planner import ReactivePlanner
 from geodesic_motion_ros.planning.query import Query
 from geodesic_motion_ros.planning.settings import PlannerSettings
 from geodesic_motion_ros.planning.solver import Solver
-from geodesic_motion_ros.planning.status import Verdict
+from geodesic_motion_ros.planning.status import Refusal
 from geodesic_motion_ros.robot.body_points import place_body_points
 from geodesic_motion_ros.skill.skill import Skill
 from geodesic_motion_ros.utils.errors import ParameterError
@@ -322,13 +322,13 @@ class _Compared:
 
 
 def _solved(
-    solver: Solver, query: Query | Verdict, obstacles: Obstacles, capped: bool = True
+    solver: Solver, query: Query | Refusal, obstacles: Obstacles, capped: bool = True
 ) -> np.ndarray | None:
     """Configurations (n, eta) on the path from rest at the start to the goal; None where there is none.
 
     capped : whether it may cost no more than the query allows.
     """
-    if isinstance(query, Verdict):
+    if isinstance(query, Refusal):
         return None
     if not capped:
         query = replace(query, cost_limit=math.inf)

@@ -18,7 +18,7 @@ from geodesic_motion_ros.geometry.quaternions import continuous_signs, to_rotati
 from geodesic_motion_ros.obstacles.obstacles import Obstacles
 from geodesic_motion_ros.planning.planner import ReactivePlanner
 from geodesic_motion_ros.planning.pose_path import PosePath, PosePathPlanner
-from geodesic_motion_ros.planning.status import Verdict
+from geodesic_motion_ros.planning.status import Refusal
 from geodesic_motion_ros.robot.body_points import end_effector_poses
 from geodesic_motion_ros.simulation.gestures import RATE_HZ, STEPS_PER_SAMPLE, smooth_step
 from geodesic_motion_ros.simulation.joint_teacher import CUP_PLACES
@@ -76,7 +76,7 @@ def pour_all_cups(planner: PosePathPlanner, seed: int, bottle: int = 0) -> Chain
     parts: list[PosePath] = []
     for begin, end in pairwise(stops):
         path = planner.plan(*begin, *end)
-        if isinstance(path, Verdict):
+        if isinstance(path, Refusal):
             return Chain(seed, tuple(parts), f"part {len(parts)}: {path.reason}")
         parts.append(path)
     motion, poured = _played(parts, standing_there(bottle))

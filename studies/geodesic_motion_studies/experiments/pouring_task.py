@@ -38,7 +38,7 @@ from geodesic_motion_ros.obstacles.obstacles import Obstacles
 from geodesic_motion_ros.paper.paper_planner import STRENGTH_OF_POSES, PaperPlanner, PaperSettings
 from geodesic_motion_ros.planning.planner import ReactivePlanner
 from geodesic_motion_ros.planning.pose_path import PosePath, PosePathPlanner
-from geodesic_motion_ros.planning.status import Verdict
+from geodesic_motion_ros.planning.status import Refusal
 from geodesic_motion_ros.robot.held_objects import HeldObject
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.simulation.joint_teacher import BOTTLE_PLACES, CUP_PLACES, pouring
@@ -83,7 +83,7 @@ SHEETS = {"raw sheet": "raw", "canonical sheet": "canonical"}
 LITERAL = "literal"
 ROWS = (*SHEETS, LITERAL)
 #: A path from a start to a goal among spheres at (o, 3) [m], or why there is none.
-Plan = Callable[[Pose, Pose, np.ndarray], PoseCurve | Verdict]
+Plan = Callable[[Pose, Pose, np.ndarray], PoseCurve | Refusal]
 #: Poses between two samples of a path where the bottle's clearance is measured.
 _CHECKS = 10
 
@@ -282,7 +282,7 @@ class PouringTaskReport(Report):
 def ours(planner: PosePathPlanner) -> Plan:
     """The paths of our planner."""
 
-    def plan(start: Pose, goal: Pose, centres: np.ndarray) -> PosePath | Verdict:
+    def plan(start: Pose, goal: Pose, centres: np.ndarray) -> PosePath | Refusal:
         planner.set_obstacles(centres, np.full(len(centres), SPHERE_RADIUS))
         return planner.plan(*start, *goal)
 
@@ -311,7 +311,7 @@ def all_pairs(plan: Plan, shown: Demonstrations, row: str, seed: int) -> list[Pa
         for cup in PLACES:
             ends = at_bottle(bottle), at_cup(cup)
             path = plan(*ends, np.empty((0, 3)))
-            if isinstance(path, Verdict):
+            if isinstance(path, Refusal):
                 found.append(Pair(row, seed, bottle, cup, None, path.reason))
                 continue
             off = float(tree.query(path.positions)[0].max())
@@ -328,7 +328,7 @@ def blocked_pairs(
         for cup in PLACES:
             ends = at_bottle(bottle), at_cup(cup)
             free = with_bottle(*ends, np.empty((0, 3)))
-            if isinstance(free, Verdict):
+            if isinstance(free, Refusal):
                 continue
             middle = free.resampled(3)
             for side in sides:
@@ -336,7 +336,7 @@ def blocked_pairs(
                 clearances = []
                 for plan in (with_bottle, hand_alone):
                     path = plan(*ends, centre[None])
-                    clearances.append(math.nan if isinstance(path, Verdict) else _clearance(path, centre))
+                    clearances.append(math.nan if isinstance(path, Refusal) else _clearance(path, centre))
                 found.append(Blocked(row, seed, side, bottle, cup, *clearances))
     return found
 

@@ -187,7 +187,7 @@ def test_a_larger_position_error_counts_in_the_next_tick(stream, nominal, covere
     beside = planner.robot.forward(nominal.sample(0.7 * nominal.duration)[0])[0] + np.array([0.0, 0.0, 0.4])
     planner.set_obstacles(beside[None], np.array([0.05]))
     stream.run(0.05)
-    clearance = planner.tick(stream.now).verdict.clearance
+    clearance = planner.tick(stream.now).verdict.figures.clearance
     assert 0.02 < clearance < 0.5
     error = clearance + (0.02 if covered else -0.01)
     assert planner.change_settings(obstacle_position_error=error).ok
@@ -207,13 +207,13 @@ def test_a_larger_margin_leads_the_arm_by_another_path(stream, goal, on_elbow):
     first = stream.run(0.3)[0]
     assert first.verdict.ok
     handed = len(stream.handed)
-    near = planner.tick(stream.now).verdict.clearance
+    near = planner.tick(stream.now).verdict.figures.clearance
     assert planner.change_settings(obstacle_margin=0.03).ok
     stream.run(0.3)
     assert len(stream.handed) > handed
     new = planner.tick(stream.now).verdict
     assert new.ok
-    assert new.clearance > near
+    assert new.figures.clearance > near
     until_rest(stream, goal, 20.0)
     assert max(stream.jumps) < ROUNDING
 

@@ -20,9 +20,11 @@ from geodesic_motion_ros.planning.path_timer import PathTimer
 from geodesic_motion_ros.planning.plan import MotionState, Plan
 from geodesic_motion_ros.planning.planner import ReactivePlanner
 from geodesic_motion_ros.planning.solver import Solver
-from geodesic_motion_ros.planning.status import VerdictCode
+from geodesic_motion_ros.planning.status import Refusal, VerdictCode
 from geodesic_motion_ros.trajectory.trajectory import JointReference
 from geodesic_motion_ros.utils.deadline import Deadline
+
+NOT_THIS = Refusal(VerdictCode.NO_FEASIBLE_PATH, "not this")
 
 
 def test_the_goal_is_reached_at_rest_and_stays_reached(stream, nominal, goal) -> None:
@@ -39,7 +41,7 @@ def test_an_elbow_that_is_in_the_path_goes_on_the_other_side(stream, nominal, on
     assert plan.verdict.ok
     assert least_clearance(stream.dense(nominal), on_elbow) < -0.03
     measured = least_clearance(stream.dense(plan.reference), on_elbow)
-    assert 0.0 < plan.verdict.clearance <= measured + 1e-4
+    assert 0.0 < plan.verdict.figures.clearance <= measured + 1e-4
 
 
 @pytest.mark.parametrize("kind", ["box", "capsule", "cloud"])
@@ -63,9 +65,9 @@ def test_obstacles_of_every_kind_are_hit_on_the_old_path_and_passed_on_the_new(s
     plan = planner.tick(0.0)
     assert plan.verdict.ok
     assert least(nominal) < -0.03
-    assert 0.0 < plan.verdict.clearance <= least(plan.reference)
+    assert 0.0 < plan.verdict.figures.clearance <= least(plan.reference)
     # A field tells no more than its reach.
-    assert least(plan.reference) < plan.verdict.clearance + 0.03 or kind == "cloud"
+    assert least(plan.reference) < plan.verdict.figures.clearance + 0.03 or kind == "cloud"
 
 
 def test_a_start_beside_the_others_joins_their_path_by_the_fade_of_the_skill(reach_skill, planner, start, goal) -> None:
@@ -145,7 +147,7 @@ def test_out_of_time_the_arm_stays_and_the_next_ticks_go_on_trying(stream, start
 
     def picky(*arguments, **more):
         judged.append(timed(*arguments, **more))
-        return replace(judged[0], reference=None, objection="not this") if len(judged) == 1 else judged[-1]
+        return NOT_THIS if len(judged) == 1 else judged[-1]
 
     monkeypatch.setattr(PathTimer, "timed", picky)
     missed, *later = (planner.tick(number * stream.period, Deadline(-np.inf)) for number in range(4))
@@ -162,14 +164,14 @@ def test_out_of_time_the_arm_stays_and_the_next_ticks_go_on_trying(stream, start
 @pytest.mark.parametrize("other", [False, True], ids=["the same obstacle", "another one"])
 def test_what_an_attempt_has_evaluated_serves_the_next_one_in_the_next_tick(stream, monkeypatch, other) -> None:
     """The time is over after the first attempt, which is refused. It does not serve where the obstacle is another."""
-    planner, timed, evaluated, counts = stream.planner, PathTimer.timed, NodeEvaluation.of, []
+    planner, evaluated, counts = stream.planner, NodeEvaluation.of, []
 
     def recorded(*arguments, **more) -> NodeEvaluation:
         counts.append(arguments)
         return evaluated(*arguments, **more)
 
     def refused(*arguments, **more):
-        return replace(timed(*arguments, **more), reference=None, objection="not this")
+        return NOT_THIS
 
     monkeypatch.setattr(NodeEvaluation, "of", recorded)
     far = np.array([[3.0, 0.0, 0.0]])
@@ -257,7 +259,7 @@ def test_bad_obstacles_are_refused_and_the_old_ones_stay(stream, on_elbow, centr
     verdict = stream.planner.set_obstacles(np.array(centres), np.array(radii), velocities)
     assert verdict.code is VerdictCode.BAD_INPUT
     assert said in verdict.reason
-    assert np.isfinite(stream.planner.tick(0.0).verdict.clearance)
+    assert np.isfinite(stream.planner.tick(0.0).verdict.figures.clearance)
 
 
 def test_a_joint_that_turns_without_end_is_planned_for(endless_reach_skill, start, goal) -> None:

@@ -7,7 +7,7 @@ import pytest
 import torch
 
 from geodesic_motion_ros.obstacles.obstacles import Obstacles
-from geodesic_motion_ros.planning.status import Verdict, VerdictCode
+from geodesic_motion_ros.planning.status import Refusal, Verdict, VerdictCode
 from geodesic_motion_ros.planning.tracking import Tracking
 from geodesic_motion_ros.robot.held_objects import HeldObject
 from geodesic_motion_ros.utils.errors import PlanningError
@@ -69,12 +69,12 @@ def test_a_tick_at_no_time_is_refused_and_changes_nothing(stream, nominal, now) 
     planner = stream.planner
     stream.run(0.5)
     expected = planner.commanded(stream.now + 0.2)
-    answers = planner.tick(now), planner.stop(now, Verdict(VerdictCode.HOLD_REQUESTED, "hold"))
+    answers = planner.tick(now), planner.stop(now, Refusal(VerdictCode.HOLD_REQUESTED, "hold"))
     for answer in (*answers, planner.stand_at(nominal.positions[0], now)):
         assert refused(answer).startswith("now [s] is ")
         assert answer.reference is None
     np.testing.assert_array_equal(planner.commanded(stream.now + 0.2), expected)
-    for ask in (planner.commanded, planner.playing, lambda time: planner.braked(nominal, time, Verdict(1, "late"))):
+    for ask in (planner.commanded, planner.playing, lambda time: planner.braked(nominal, time, Refusal(1, "late"))):
         with pytest.raises(PlanningError, match=r"\[s\] is "):
             ask(now)
     assert all(plan.verdict.ok for plan in stream.run(0.1))
@@ -84,7 +84,7 @@ def test_what_is_no_deadline_is_refused(stream) -> None:
     for answer in (
         stream.planner.tick(stream.now, 0.0),
         stream.planner.tick(stream.now, handover_deadline=5),
-        stream.planner.stop(stream.now, Verdict(VerdictCode.HOLD_REQUESTED, "hold"), None),
+        stream.planner.stop(stream.now, Refusal(VerdictCode.HOLD_REQUESTED, "hold"), None),
     ):
         assert "a Deadline is needed" in refused(answer)
     assert all(plan.verdict.ok for plan in stream.run(0.05))

@@ -14,7 +14,7 @@ from geodesic_motion_ros.planning.mode import Mode
 from geodesic_motion_ros.planning.planner import ReactivePlanner
 from geodesic_motion_ros.planning.situation import Situation
 from geodesic_motion_ros.planning.solver import Solver
-from geodesic_motion_ros.planning.status import Verdict, VerdictCode
+from geodesic_motion_ros.planning.status import Refusal, VerdictCode
 from geodesic_motion_ros.robot.swivel import elbow_position
 from geodesic_motion_ros.utils.deadline import Deadline
 
@@ -87,7 +87,7 @@ def test_an_arm_that_is_covered_stands_and_the_link_is_named(stream, start) -> N
     plan = stream.run(0.1)[-1]
     assert plan.verdict.code is VerdictCode.IN_COLLISION
     assert "panda_link" in plan.verdict.reason
-    assert plan.verdict.clearance < 0.0
+    assert plan.verdict.figures.clearance < 0.0
     np.testing.assert_array_equal(stream.postures[-1], start)
 
 
@@ -206,7 +206,7 @@ def test_an_arm_that_can_only_evade_narrowly_does(stream, start, goal, nominal, 
     plan = stream.run(stream.period)[0]
     assert plan.mode is Mode.EVADING
     narrow = constants.DYNAMIC_MARGIN_FACTOR * planner.settings.obstacle_margin
-    assert 0.0 < plan.verdict.clearance < narrow
+    assert 0.0 < plan.verdict.figures.clearance < narrow
     coming = stream.period * np.arange(round(planner.settings.prediction / stream.period))
     evading = [plan.reference.sample(stream.now + time - plan.begin)[0] for time in coming]
     spheres = [((begin + (time + stream.period) * velocity)[None], radius) for time in coming]
@@ -294,7 +294,7 @@ def test_a_stop_that_leaves_the_path_comes_to_rest_before_what_the_other_one_wou
 
 def test_stopping_for_a_reason_ends_at_rest_and_the_next_tick_goes_on(stream, nominal, goal) -> None:
     stream.run(0.4 * nominal.duration)
-    reason = Verdict(VerdictCode.HOLD_REQUESTED, "asked to hold")
+    reason = Refusal(VerdictCode.HOLD_REQUESTED, "asked to hold")
     plan = stream.planner.stop(stream.now, reason)
     assert plan.verdict.code is VerdictCode.HOLD_REQUESTED
     assert plan.reference.duration < 1.0

@@ -19,7 +19,7 @@ from geodesic_motion_ros.planning.requirement import Requirements
 from geodesic_motion_ros.planning.retry import Asked, Workings
 from geodesic_motion_ros.planning.settings import EVASION_DISPLACED_WITHIN, SEARCH_PERIOD, PlannerSettings
 from geodesic_motion_ros.planning.situation import Situation
-from geodesic_motion_ros.planning.status import Verdict, VerdictCode
+from geodesic_motion_ros.planning.status import Figures, Refusal, Verdict, VerdictCode
 from geodesic_motion_ros.planning.stream import Stream
 from geodesic_motion_ros.robot.collision_model import CollisionModel
 from geodesic_motion_ros.robot.kinematics import Robot
@@ -32,7 +32,7 @@ ROBOT, SETTINGS = Robot.named("panda"), PlannerSettings()
 LIMITS, MODEL = JointLimits.of(ROBOT), CollisionModel.named("panda")
 CERTIFIER = ArmCertifier(ROBOT, MODEL)
 QUERY = SimpleNamespace()
-NO_PATH = Verdict(VerdictCode.NO_FEASIBLE_PATH, "no path")
+NO_PATH = Refusal(VerdictCode.NO_FEASIBLE_PATH, "no path")
 
 
 @dataclass
@@ -78,7 +78,7 @@ class OneEvasionPath:
         reference = timed_joint_reference(path, np.hstack([1.0 - share, share]), LIMITS)
         certificate = CERTIFIER.certify(reference, obstacles, horizon, stand_after_horizon=False)
         trajectory = CERTIFIER.judged(reference, certificate)
-        return Plan(trajectory, state.time, Verdict(VerdictCode.OK, clearance=0.01))
+        return Plan(trajectory, state.time, Verdict(figures=Figures(clearance=0.01)))
 
 
 class Arm:
@@ -102,7 +102,7 @@ class Arm:
     def evasion(self) -> Evasion:
         return Evasion(self.solver.evade, self.solver.evade_displaced)
 
-    def turn(self, situation: Situation, verdict: Verdict = NO_PATH) -> Turn:
+    def turn(self, situation: Situation, verdict: Refusal = NO_PATH) -> Turn:
         memory, guarded = AttemptMemory(asked=self.asked), SimpleNamespace(solver=self.solver)
         return Turn(guarded, situation, None, QUERY, QUERY, memory, verdict=verdict)
 
@@ -136,7 +136,7 @@ def test_an_arm_evades_what_is_coming_and_says_so() -> None:
     plan = arm.stream.commit(step, 0.0)
     assert plan.verdict.code is VerdictCode.NO_FEASIBLE_PATH
     assert plan.verdict.reason == "no path; evading what is coming"
-    assert plan.verdict.clearance == 0.01
+    assert plan.verdict.figures.clearance == 0.01
     assert arm.stream.followed.purpose is Purpose.EVASION
     assert arm.stream.commanded(arm.stream.played.end)[0][0] == pytest.approx(ROBOT.ready[0] + 0.6)
 
@@ -144,7 +144,7 @@ def test_an_arm_evades_what_is_coming_and_says_so() -> None:
 def test_nothing_is_searched_where_nothing_comes_or_something_else_is_wrong() -> None:
     passing = replace(coming(1.0), centres=coming(1.0).centres + [0.0, 1.0, 0.0])
     standing = replace(coming(0.0), velocities=np.zeros((1, 3)))
-    late = Verdict(VerdictCode.DEADLINE_MISSED, "out of time")
+    late = Refusal(VerdictCode.DEADLINE_MISSED, "out of time")
     for obstacles, verdict in ((passing, NO_PATH), (standing, NO_PATH), (coming(1.0), late)):
         arm = Arm()
         assert arm.plan(0.0, obstacles, verdict) is None
@@ -242,7 +242,7 @@ def test_out_of_time_an_arm_goes_on_evading_while_that_is_free_and_it_can_stop(m
     plan = arm.still_evading(0.1, obstacles)
     assert plan.trajectory is None
     assert plan.verdict.reason == stated
-    assert plan.verdict.clearance > 0.0
+    assert plan.verdict.figures.clearance > 0.0
     hand, _ = ROBOT.forward(arm.stream.commanded(arm.stream.played.end)[0])
     meeting = replace(obstacles, centres=obstacles.centres + hand - ROBOT.forward(ROBOT.ready)[0])
     assert arm.still_evading(0.1, meeting) is None

@@ -34,7 +34,7 @@ class TurnedBase(Proposer):
         reference = timed_joint_reference(path, np.repeat(turn.query.start_latent[None], 20, axis=0), situation.limits)
         required = situation.requirements.approach
         certificate, objection = certifier.assess(certifier.swept(reference), situation.expected, required)
-        if objection is not None:
+        if objection:
             return turn
         plan = Plan(certifier.judged(reference, certificate), situation.state.time, turn.verdict)
         begun = Followed.begun(turn.query, plan, situation.obstacles, situation.now, Purpose.APPROACH)
