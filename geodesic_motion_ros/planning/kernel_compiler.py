@@ -53,7 +53,7 @@ def main() -> None:
         call_kernels()
     modules = [module for name, module in list(sys.modules.items()) if name.startswith(PACKAGE)]
     kernels = [kernel for module in modules for kernel in vars(module).values() if isinstance(kernel, Dispatcher)]
-    print(*sorted({kernel.stats.cache_path for kernel in kernels}), sep="\n")
+    print(*sorted({folder for kernel in kernels if (folder := kernel.stats.cache_path)}), sep="\n")
 
 
 if __name__ == "__main__":

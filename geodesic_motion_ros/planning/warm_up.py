@@ -7,51 +7,59 @@ seconds.
 
 from __future__ import annotations
 
-from functools import partial
-
 import numpy as np
 
+from geodesic_motion_ros.geometry.task_frame import TaskFrame
 from geodesic_motion_ros.obstacles.obstacles import Obstacles
 from geodesic_motion_ros.planning.evasion_motion import evasion_beside_graph
 from geodesic_motion_ros.planning.plan import MotionState
 from geodesic_motion_ros.planning.planner import ReactivePlanner
+from geodesic_motion_ros.planning.played import Followed, PlayedTrajectory
 from geodesic_motion_ros.planning.pose_query import Pose
 from geodesic_motion_ros.planning.search import load_search
+from geodesic_motion_ros.planning.situation import Situation
 from geodesic_motion_ros.planning.status import Verdict, VerdictCode
 from geodesic_motion_ros.trajectory.timing import load_references
+
+#: How far from what was demonstrated a detour and an evasion are looked for [m].
+_REACH = 0.1
 
 
 def load_kernels(planner: ReactivePlanner) -> None:
     """Load every compiled kernel that a tick of a planner may call, or compile those that numba's cache lacks.
 
-    The planner stays as it is: another one of the same skill plays a short stream, with an obstacle of each kind far
-    above the arm, a new goal in motion, and a stop. What a stream needs in few situations only is called by itself.
+    The parts of a tick are called: from the skill's start to its goal, among an obstacle of each kind far above the
+    arm. The planner stays as it is.
     """
-    scene = planner.scene if planner.may_detour else None
-    trial = ReactivePlanner(planner.skill, planner.settings, planner.robot, scene=scene)
-    arm, skill = trial.arm, trial.skill
-    if trial.robot.takes_poses:
+    arm, solver, skill = planner.arm, planner.arm.solver, planner.skill
+    load_references(planner.limits, solver.tool)
+    frame = TaskFrame.identity()
+    if planner.robot.takes_poses:
         start = arm.queries.start_by_pose(Pose(skill.start_pose[:3], skill.start_pose[3:]))
-        position, quaternion = skill.goal_pose[:3], skill.goal_pose[3:]
-        goals = [partial(trial.prepared_goal, position + offset, quaternion) for offset in (0.0, 0.003)]
+        goal = arm.queries.goal_by_pose(Pose(skill.goal_pose[:3], skill.goal_pose[3:]), frame)
     else:
-        start, end = skill.mean_configuration("start"), skill.mean_configuration("goal")
-        goals = [partial(trial.prepared_configuration, end + offset) for offset in (0.0, 0.02)]
-    trial.stand_at(trial.robot.ready if isinstance(start, Verdict) else start, 0.0)
-    goal = goals[0]()
-    trial.take_goal(goal)
-    for time in (0.0, 0.1, 0.2):
-        trial.take_obstacles(Obstacles.one_of_each(np.array([0.0, 0.0, 3.0 + time]), np.full(3, 1e-3), time))
-        trial.tick(time)
-    trial.take_goal(goals[1]())
-    trial.tick(0.3)
-    commanded = trial.commanded(0.3)
-    trial.stop(0.4, Verdict(VerdictCode.NO_GOAL))
-    load_references(trial.limits, arm.solver.tool)
-    if isinstance(goal, Verdict) or goal.query is None or commanded is None:
+        start = skill.mean_configuration("start")
+        goal = arm.queries.goal_by_configuration(skill.mean_configuration("goal"), frame)
+    if isinstance(goal, Verdict):
         return
-    load_search(trial.graph, goal.query, trial.settings)
-    if trial.may_detour:
-        arm.detours.find(goal.query, trial.obstacles, 0.1)
-        state = MotionState(0.3, *commanded, goal.query.start_latent)
-        evasion_beside_graph(arm.solver, goal.query, state, trial.obstacles, 0.1)
+    start = planner.robot.ready if isinstance(start, Verdict) else start
+    query = arm.queries.build(start, goal)
+    if isinstance(query, Verdict):
+        return
+    load_search(planner.graph, query, planner.settings)
+    obstacles, still = Obstacles.one_of_each(np.array([0.0, 0.0, 3.0]), np.full(3, 1e-3), 0.0), np.zeros_like(start)
+    state = MotionState(0.0, start, still, still, query.start_latent)
+    if planner.may_detour:
+        arm.detours.find(query, obstacles, _REACH)
+        evasion_beside_graph(solver, query, state, obstacles, _REACH)
+    plan = solver.solve(query, state, obstacles, solver.cautious)
+    if plan.trajectory is None:
+        return
+    played = PlayedTrajectory(plan.trajectory, 0.0, solver.certifier)
+    followed = Followed.begun(query, plan, obstacles, 0.0)
+    moving = Situation(planner.settings, planner.limits, solver.certifier, played, followed, 0.1, obstacles)
+    moving.free_path(query)
+    arm.query_from(moving.state, followed, goal)
+    stop = moving.stopped(Verdict(VerdictCode.NO_GOAL)).plan
+    if stop.trajectory is not None:
+        plan.trajectory.continued_by(stop.trajectory, 0.0, stop.begin)
