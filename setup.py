@@ -29,7 +29,6 @@ setup(
     license="Apache-2.0",
     packages=find_packages(include=[NAME, f"{NAME}.*"]),
     package_data={
-        f"{NAME}.planning": ["kernels.json"],
         f"{NAME}.robot": ["*.urdf", "robots/*/*", "robots/*/meshes/*"],
     },
     python_requires=">=3.10",

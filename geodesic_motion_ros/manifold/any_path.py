@@ -9,9 +9,10 @@ import numpy as np
 
 from geodesic_motion_ros.manifold.grid import Adjacency
 from geodesic_motion_ros.manifold.heap import TAKEN, put, take
-from geodesic_motion_ros.manifold.obstacle_weights import NodeEvaluation, evaluate_node
+from geodesic_motion_ros.manifold.obstacle_weights import evaluate_node
 from geodesic_motion_ros.manifold.search_buffers import SearchBuffers, begin_at_both_ends, lent_buffers, trace
 from geodesic_motion_ros.manifold.shortest_path import edge_weight
+from geodesic_motion_ros.manifold.weighted_graph import GraphAmongObstacles
 from geodesic_motion_ros.utils.deadline import Deadline
 
 #: So many nodes are about half a millisecond: then the time is looked at.
@@ -22,14 +23,7 @@ _GREED = 20.0
 
 @numba.njit(cache=True, nogil=True)
 def _go_on(
-    first_slot: np.ndarray,
-    neighbour: np.ndarray,
-    edge_of: np.ndarray,
-    base: np.ndarray,
-    fixed: np.ndarray,
-    shares: np.ndarray,
-    evaluation: NodeEvaluation,
-    margin: float,
+    graph: GraphAmongObstacles,
     to_target: np.ndarray,
     target: int,
     most: int,
@@ -40,11 +34,9 @@ def _go_on(
 
     Returns the cost of the first path to the target; inf without one yet, and for good where no node is left.
     """
-    (
-        (points, point_radii, spheres, sphere_radii, links, link_radii, first, lower, _),
-        centres, radii, solids, squares, placing, strength, width_ratio, completed, excess, within, gaps, scale, heads,
-        listed, following, evaluated, factors, affected, clearance,
-    ) = evaluation  # fmt: skip
+    first_slot, neighbour, edge_of, base, fixed, shares, evaluation, margin = graph
+    evaluated, factors = evaluation.evaluated, evaluation.factors
+    affected, clearance = evaluation.affected, evaluation.clearance
     costs, predecessor, arrival, all_keys, all_items, places, size, _, _, written, count, _, _ = buffers
     cost, keys, items, place = costs[0], all_keys[0], all_items[0], places[0]
     for _ in range(most):
@@ -58,11 +50,7 @@ def _go_on(
             if place[v] == TAKEN or through >= cost[v]:
                 continue
             if not evaluated[v]:
-                evaluate_node(
-                    v, points, point_radii, spheres, sphere_radii, links, link_radii, first, lower, centres, radii,
-                    solids, squares, placing, strength, width_ratio, completed, excess, within, gaps, scale, heads,
-                    listed, following, evaluated, factors, affected, clearance,
-                )  # fmt: skip
+                evaluate_node(v, evaluation)
             if clearance[v] < margin and v != target:
                 continue
             if affected[u] or affected[v]:
@@ -81,7 +69,7 @@ def _go_on(
 
 def any_path(
     adjacency: Adjacency,
-    graph: tuple,
+    graph: GraphAmongObstacles,
     to_target: np.ndarray,
     from_landmark: np.ndarray,
     source: int,
@@ -93,14 +81,13 @@ def any_path(
     """The cost of some path, its number of edges, and what every path costs at least: inf where it is proved that there
     is none, else 0. The path is written to nodes (n,) and edges (n,).
 
-    graph : first slots, nodes and edges of the adjacency, base, fixed, shares, evaluation and margin: all that kernels
-        want first. The source has been evaluated. The rest as of `shortest_path_from_both_ends`.
+    graph : whose source has been evaluated. The rest as of `shortest_path_from_both_ends`.
     """
     with lent_buffers(adjacency) as buffers:
         begin_at_both_ends(to_target, from_landmark, source, target, buffers)
         buffers.cost[0, target] = cost = math.inf
         while cost == math.inf and buffers.size[0] > 0 and not deadline.passed:
-            cost = _go_on(*graph, to_target, target, _BATCH, buffers)
+            cost = _go_on(graph, to_target, target, _BATCH, buffers)
         if cost == math.inf:
             return cost, 0, cost if buffers.size[0] == 0 else 0.0
         count = trace(target, source, target, buffers)
@@ -108,6 +95,6 @@ def any_path(
         return cost, count, 0.0
 
 
-def load_any_path(graph: tuple, to_target: np.ndarray, node: int, buffers: SearchBuffers) -> None:
+def load_any_path(graph: GraphAmongObstacles, to_target: np.ndarray, node: int, buffers: SearchBuffers) -> None:
     """Load the kernel of `any_path`, or compile it: from a node to itself, where both ends wait in the buffers."""
-    _go_on(*graph, to_target, node, _BATCH, buffers)
+    _go_on(graph, to_target, node, _BATCH, buffers)

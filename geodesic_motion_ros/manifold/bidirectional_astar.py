@@ -17,6 +17,7 @@ from geodesic_motion_ros.manifold.heap import put, take
 from geodesic_motion_ros.manifold.obstacle_weights import NodeEvaluation, evaluate_node, evaluate_nodes
 from geodesic_motion_ros.manifold.search_buffers import SearchBuffers, begin_at_both_ends, lent_buffers, trace
 from geodesic_motion_ros.manifold.shortest_path import edge_weight
+from geodesic_motion_ros.manifold.weighted_graph import GraphAmongObstacles
 from geodesic_motion_ros.utils.deadline import NEVER, Deadline
 
 #: Nodes that one side takes before both are compared again.
@@ -31,14 +32,7 @@ _NOTHING = np.empty(0, dtype=np.int32)
 
 @numba.njit(cache=True, nogil=True)
 def _field_path(
-    first_slot: np.ndarray,
-    neighbour: np.ndarray,
-    edge_of: np.ndarray,
-    base: np.ndarray,
-    fixed: np.ndarray,
-    shares: np.ndarray,
-    evaluation: NodeEvaluation,
-    margin: float,
+    graph: GraphAmongObstacles,
     to_target: np.ndarray,
     source: int,
     target: int,
@@ -49,6 +43,7 @@ def _field_path(
 
     The path is written to nodes (n,) and edges (n,). Its cost is summed as the field was: from the target on.
     """
+    first_slot, neighbour, edge_of, base, fixed, shares, evaluation, margin = graph
     evaluate_nodes(np.array([source, target]), evaluation)
     nodes[0], count = source, 0
     while nodes[count] != target:
@@ -75,14 +70,7 @@ def _field_path(
 
 @numba.njit(cache=True, nogil=True)
 def _go_on(
-    first_slot: np.ndarray,
-    neighbour: np.ndarray,
-    edge_of: np.ndarray,
-    base: np.ndarray,
-    fixed: np.ndarray,
-    shares: np.ndarray,
-    evaluation: NodeEvaluation,
-    margin: float,
+    graph: GraphAmongObstacles,
     to_target: np.ndarray,
     from_landmark: np.ndarray,
     source: int,
@@ -104,11 +92,9 @@ def _go_on(
     Returns the best cost, the node where both halves of that path meet (`meeting` as given where none is cheaper than
     the cost `best` as given), and the bound.
     """
-    (
-        (points, point_radii, spheres, sphere_radii, links, link_radii, first, lower, _),
-        centres, radii, solids, squares, placing, strength, width_ratio, completed, excess, within, gaps, scale, heads,
-        listed, following, evaluated, factors, affected, clearance,
-    ) = evaluation  # fmt: skip
+    first_slot, neighbour, edge_of, base, fixed, shares, evaluation, margin = graph
+    evaluated, factors = evaluation.evaluated, evaluation.factors
+    affected, clearance = evaluation.affected, evaluation.clearance
     cost, predecessor, arrival, all_keys, all_items, places, size, begun, spent, written, count, _, _ = buffers
     at_source = from_landmark[source]
     while _lower_bound(all_keys, size) < best and batches > 0:
@@ -138,13 +124,9 @@ def _go_on(
                 left = abs(from_landmark[v] - at_source) if side == 1 else to_target[v]
                 if through + left >= best:
                     continue
-                # Tested here as well: only to pass so many parameters takes as long as all else that is done for v.
+                # Tested here as well: a call takes as long as all else that is done for v.
                 if not evaluated[v]:
-                    evaluate_node(
-                        v, points, point_radii, spheres, sphere_radii, links, link_radii, first, lower, centres, radii,
-                        solids, squares, placing, strength, width_ratio, completed, excess, within, gaps, scale, heads,
-                        listed, following, evaluated, factors, affected, clearance,
-                    )  # fmt: skip
+                    evaluate_node(v, evaluation)
                 closed = clearance[v] < margin and v != source and v != target
                 if closed:
                     through = -math.inf
@@ -225,16 +207,16 @@ def shortest_path_from_both_ends(
     """
     if not math.isfinite(to_target[source]):
         return ShortestPath(_NOTHING, _NOTHING, math.inf, math.inf)
-    graph = adjacency.first, adjacency.node, adjacency.edge, base, fixed, shares, evaluation, margin
+    graph = GraphAmongObstacles.of(adjacency, base, fixed, shares, evaluation, margin)
     with lent_buffers(adjacency) as buffers:
-        best, count = _field_path(*graph, to_target, source, target, buffers.nodes, buffers.edges)
+        best, count = _field_path(graph, to_target, source, target, buffers.nodes, buffers.edges)
         found = best < cap
         best, meeting, bound = best if found else cap, -1, to_target[source]
         begin_at_both_ends(to_target, from_landmark, source, target, buffers)
         batches, looks = _UNLIMITED if deadline.at == math.inf else _BATCHES, 0
         while bound < best:
             best, meeting, bound = _go_on(
-                *graph, to_target, from_landmark, source, target, best, meeting, batches, buffers
+                graph, to_target, from_landmark, source, target, best, meeting, batches, buffers
             )
             looks += 1
             if deadline.passed:
@@ -265,11 +247,11 @@ def load_search_from_both_ends(
 
     A real search needs most of them only where obstacles make the free path dearer.
     """
-    graph = adjacency.first, adjacency.node, adjacency.edge, base, fixed, shares, evaluation, -math.inf
+    graph = GraphAmongObstacles.of(adjacency, base, fixed, shares, evaluation, -math.inf)
     evaluate_nodes(np.array([node]), evaluation)
     with lent_buffers(adjacency) as buffers:
-        best, _ = _field_path(*graph, to_target, node, node, buffers.nodes, buffers.edges)
+        best, _ = _field_path(graph, to_target, node, node, buffers.nodes, buffers.edges)
         begin_at_both_ends(to_target, from_landmark, node, node, buffers)
-        _go_on(*graph, to_target, from_landmark, node, node, best, -1, _BATCHES, buffers)
+        _go_on(graph, to_target, from_landmark, node, node, best, -1, _BATCHES, buffers)
         load_any_path(graph, to_target, node, buffers)
         trace(node, node, node, buffers)

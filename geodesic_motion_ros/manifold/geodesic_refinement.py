@@ -238,8 +238,7 @@ def _assemble(
 
         dD M dD + (q dD) (g dm) + e / 4 (g dm)^2 + e / 2 dm C dm,      C the curvature of the mean paths' exponent.
     """
-    _, _, shape, strides, number, rows, columns, tensors, centres, precisions, penalties, strength, cap = field
-    factors, affected, room, within = evaluation.factors, evaluation.affected, evaluation.clearance, evaluation.within
+    _, _, shape, _, _, rows, columns, _, centres, precisions, penalties, strength, cap = field
     d = len(shape)
     packed = d * (d + 1) // 2
     tensor, slopes, share, lean = np.empty(packed), np.empty((d, packed)), np.empty(d), np.empty((3, d))
@@ -251,10 +250,7 @@ def _assemble(
     for i in range(len(weights)):
         for a in range(d):
             middle[a], along[a] = 0.5 * (curve[i, a] + curve[i + 1, a]), curve[i + 1, a] - curve[i, a]
-        support[i], clearance[i] = tensor_at(
-            middle, shape, strides, number, tensors, factors, affected, room, within, tensor, slopes, share, lean,
-            True,
-        )  # fmt: skip
+        support[i], clearance[i] = tensor_at(middle, field, evaluation, tensor, slopes, share, lean, True)
         conformal = math.exp(
             conformal_exponent(
                 middle, centres, precisions, penalties, strength, cap, nearest[i], slope, curvature

@@ -143,8 +143,7 @@ def piecewise(
     """Of the pieces of a polyline (m + 1, d), in units of the spacing, by the metric in their middle, (m,) each:
     squared length, share of the middle's cell that nodes hold, and clearance there [m].
     """
-    _, _, shape, strides, number, rows, columns, tensors, centres, precisions, penalties, strength, cap = field
-    factors, affected, room, within = evaluation.factors, evaluation.affected, evaluation.clearance, evaluation.within
+    _, _, shape, _, _, rows, columns, _, centres, precisions, penalties, strength, cap = field
     count, d = len(points) - 1, len(shape)
     energies, support, clearance = np.empty(count), np.empty(count), np.empty(count)
     tensor, slopes, share, lean = np.empty(len(rows)), np.empty((d, len(rows))), np.empty(d), np.empty((3, d))
@@ -155,9 +154,7 @@ def piecewise(
     for i in range(count):
         for a in range(d):
             middle[a] = 0.5 * (points[i, a] + points[i + 1, a])
-        support[i], clearance[i] = tensor_at(
-            middle, shape, strides, number, tensors, factors, affected, room, within, tensor, slopes, share, lean, False
-        )
+        support[i], clearance[i] = tensor_at(middle, field, evaluation, tensor, slopes, share, lean, False)
         exponent = conformal_exponent(
             middle, centres, precisions, penalties, strength, cap, nearest, gradient, curvature
         )
@@ -195,14 +192,8 @@ def evaluate_around(field: MetricField, evaluation: NodeEvaluation, points: np.n
 @numba.njit(cache=True, nogil=True, inline="always")
 def tensor_at(
     point: np.ndarray,
-    shape: tuple[int, ...],
-    strides: np.ndarray,
-    number: np.ndarray,
-    tensors: np.ndarray,
-    factors: np.ndarray,
-    affected: np.ndarray,
-    clearance: np.ndarray,
-    within: float,
+    field: MetricField,
+    evaluation: NodeEvaluation,
     tensor: np.ndarray,
     slopes: np.ndarray,
     share: np.ndarray,
@@ -211,11 +202,13 @@ def tensor_at(
 ) -> tuple[float, float]:
     """Fill the tensor (T,) at a point (d,), without the conformal factor; where `derived` its slopes (d, T).
 
-    factors to within : of an evaluation that has evaluated the cell's nodes; share (d,), lean (3, d) : for the kernel's
-    own use. Returns the share of the cell that nodes hold, weighted, and 0 outside the grid; and the clearance [m]
-    there, at most `within`, -inf without any node. For use within compiled loops; one by one as in
-    `obstacle_weights.evaluate_node`.
+    evaluation : has evaluated the cell's nodes. share, lean : (d,), (3, d) for the kernel's own use. Returns the share
+    of the cell that nodes hold, weighted, and 0 outside the grid; and the clearance [m] there, at most what the
+    evaluation distinguishes, -inf without any node. For use within compiled loops.
     """
+    shape, strides, number, tensors = field.shape, field.strides, field.number, field.tensors
+    factors, affected = evaluation.factors, evaluation.affected
+    clearance, within = evaluation.clearance, evaluation.within
     d = len(shape)
     packed = d * (d + 1) // 2
     begin, total, room, inside = 0, 0.0, 0.0, 1.0

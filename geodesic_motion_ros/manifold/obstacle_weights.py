@@ -204,41 +204,13 @@ def _cells_around(
 
 
 @numba.njit(cache=True, nogil=True)
-def evaluate_node(
-    node: int,
-    points: np.ndarray,
-    point_radii: np.ndarray,
-    spheres: np.ndarray,
-    sphere_radii: np.ndarray,
-    links: np.ndarray,
-    link_radii: np.ndarray,
-    first: np.ndarray,
-    lower: np.ndarray,
-    centres: np.ndarray,
-    radii: np.ndarray,
-    solids: np.ndarray,
-    squares: np.ndarray,
-    placing: np.ndarray,
-    strength: float,
-    width_ratio: float,
-    completed: bool,
-    excess: float,
-    within: float,
-    gaps: np.ndarray,
-    scale: float,
-    heads: np.ndarray,
-    listed: np.ndarray,
-    following: np.ndarray,
-    evaluated: np.ndarray,
-    factors: np.ndarray,
-    affected: np.ndarray,
-    clearance: np.ndarray,
-) -> None:
-    """Work out what obstacles do to a node, where that has not been done yet. For use within compiled loops.
-
-    The parameters are the entries of `NodeEvaluation` and of its body. They come one by one because compiled code
-    counts references to all arrays of a tuple each time it reads one: that costs five times as much as the work here.
-    """
+def evaluate_node(node: int, evaluation: NodeEvaluation) -> None:
+    """Work out what obstacles do to a node, where that has not been done yet. For use within compiled loops."""
+    (
+        (points, point_radii, spheres, sphere_radii, links, link_radii, first, lower, _),
+        centres, radii, solids, squares, placing, strength, width_ratio, completed, excess, within, gaps, scale, heads,
+        listed, following, evaluated, factors, affected, clearance,
+    ) = evaluation  # fmt: skip
     if not evaluated[node]:
         evaluated[node] = True
         affected[node] = False
@@ -312,18 +284,9 @@ def evaluate_node(
 @numba.njit(cache=True, nogil=True)
 def evaluate_nodes(nodes: np.ndarray, evaluation: NodeEvaluation) -> None:
     """Work out what obstacles do to some nodes (k,)."""
-    (
-        (points, point_radii, spheres, sphere_radii, links, link_radii, first, lower, _),
-        centres, radii, solids, squares, placing, strength, width_ratio, completed, excess, within, gaps, scale, heads,
-        listed, following, evaluated, factors, affected, clearance,
-    ) = evaluation  # fmt: skip
     for node in nodes:
         # As the searches number nodes: one kernel for all.
-        evaluate_node(
-            np.int32(node), points, point_radii, spheres, sphere_radii, links, link_radii, first, lower, centres, radii,
-            solids, squares, placing, strength, width_ratio, completed, excess, within, gaps, scale, heads, listed,
-            following, evaluated, factors, affected, clearance,
-        )  # fmt: skip
+        evaluate_node(np.int32(node), evaluation)
 
 
 @numba.njit(cache=True, nogil=True)

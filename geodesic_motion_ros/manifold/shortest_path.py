@@ -58,11 +58,7 @@ def _search(
     predecessor, arrival = np.full(count, -1, dtype=np.int32), np.full(count, -1, dtype=np.int32)
     keys, items, place = np.empty(count), np.empty(count, dtype=np.int32), np.full(count, WAITING, dtype=np.int32)
     if evaluation is not None:
-        (
-            (points, point_radii, spheres, sphere_radii, links, link_radii, first, lower, _),
-            centres, radii, solids, squares, placing, strength, width_ratio, completed, excess, within, gaps, scale,
-            heads, listed, following, evaluated, factors, affected, clearance,
-        ) = evaluation  # fmt: skip
+        factors, affected, clearance = evaluation.factors, evaluation.affected, evaluation.clearance
     cost[source] = 0.0
     size = put(keys, items, place, 0, source, heuristic[source])
     while size > 0:
@@ -79,11 +75,7 @@ def _search(
             if through >= cost[v]:
                 continue
             if evaluation is not None:
-                evaluate_node(
-                    v, points, point_radii, spheres, sphere_radii, links, link_radii, first, lower, centres, radii,
-                    solids, squares, placing, strength, width_ratio, completed, excess, within, gaps, scale, heads,
-                    listed, following, evaluated, factors, affected, clearance,
-                )  # fmt: skip
+                evaluate_node(v, evaluation)
                 if clearance[v] < margin and v != target:
                     continue
                 if affected[u] or affected[v]:

@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
+
+from geodesic_motion_ros.manifold.grid import Adjacency
+from geodesic_motion_ros.manifold.obstacle_weights import NodeEvaluation
 
 if TYPE_CHECKING:
     from typing import Self
@@ -42,3 +45,35 @@ class WeightedGraph:
     def energies(self, edges: np.ndarray | slice = slice(None)) -> np.ndarray:
         """Obstacle-free squared lengths of edges under the pull-back metric alone, without the conformal factor."""
         return self.base[edges] ** 2 / self.conformal[edges]
+
+
+class GraphAmongObstacles(NamedTuple):
+    """Nodes and edges transported to a query, among obstacles, as the compiled kernels of searches read them.
+
+    Attributes
+    ----------
+    first, node, edge : as of `Adjacency`. base, fixed, shares : as of `WeightedGraph`.
+    evaluation : what the obstacles do. margin : nodes with less clearance [m] are not entered, but for the ends.
+    """
+
+    first: np.ndarray
+    node: np.ndarray
+    edge: np.ndarray
+    base: np.ndarray
+    fixed: np.ndarray
+    shares: np.ndarray
+    evaluation: NodeEvaluation
+    margin: float
+
+    @classmethod
+    def of(
+        cls,
+        adjacency: Adjacency,
+        base: np.ndarray,
+        fixed: np.ndarray,
+        shares: np.ndarray,
+        evaluation: NodeEvaluation,
+        margin: float,
+    ) -> GraphAmongObstacles:
+        """The graph with edges as of an adjacency."""
+        return cls(adjacency.first, adjacency.node, adjacency.edge, base, fixed, shares, evaluation, float(margin))

@@ -33,6 +33,7 @@ from geodesic_motion_ros.planning.detour_worker import DetourWorker
 from geodesic_motion_ros.planning.planner import ReactivePlanner
 from geodesic_motion_ros.planning.settings import CHANGEABLE
 from geodesic_motion_ros.planning.status import Verdict
+from geodesic_motion_ros.planning.warm_up import load_kernels
 from geodesic_motion_ros.robot.body_points import end_effector_poses
 from geodesic_motion_ros.skill.skill import Skill
 from geodesic_motion_ros.trajectory.trajectory import JointReference
@@ -63,6 +64,7 @@ class PlannerNode(LoopingNode):
             self.planner = ReactivePlanner(skill, planner_settings(values.values), detours=self._worker, scene=scene)
         except RobotError as error:
             raise SkillError(f"{values['skill']}: {error}") from error
+        load_kernels(self.planner)
         if caution := _caution(self.planner, scene_is_recorded=values["scene"] == ""):
             self.get_logger().info(caution)
         self._sends_trajectories = values["output"] == "joint_trajectory"

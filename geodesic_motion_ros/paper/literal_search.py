@@ -59,6 +59,27 @@ class Front(NamedTuple):
         )
 
 
+class GraphAmongSpheres(NamedTuple):
+    """The dense graph among the present obstacles, as compiled kernels read it.
+
+    Attributes
+    ----------
+    first, neighbour, edge : as of `Adjacency`. fixed, shares, base, points : as of `WeightedGraph`.
+    centres, radii : (o, 3), (o,) [m]. strength : zeta.
+    """
+
+    first: np.ndarray
+    neighbour: np.ndarray
+    edge: np.ndarray
+    fixed: np.ndarray
+    shares: np.ndarray
+    base: np.ndarray
+    points: np.ndarray
+    centres: np.ndarray
+    radii: np.ndarray
+    strength: float
+
+
 @numba.njit(cache=True, nogil=True)
 def ambient_factors(
     points: np.ndarray, centres: np.ndarray, radii: np.ndarray, strength: float, factors: np.ndarray
@@ -75,16 +96,7 @@ def ambient_factors(
 
 @numba.njit(cache=True, nogil=True)
 def _settle(
-    first: np.ndarray,
-    neighbour: np.ndarray,
-    edge_of: np.ndarray,
-    fixed: np.ndarray,
-    shares: np.ndarray,
-    base: np.ndarray,
-    points: np.ndarray,
-    centres: np.ndarray,
-    radii: np.ndarray,
-    strength: float,
+    graph: GraphAmongSpheres,
     to_target: np.ndarray,
     target: int,
     cheapest: float,
@@ -96,6 +108,7 @@ def _settle(
 
     The target is settled where its place is TAKEN.
     """
+    first, neighbour, edge_of, fixed, shares, base, points, centres, radii, strength = graph
     cost, predecessor, keys, items, place, factors, known = front
     for _ in range(most):
         if size == 0 or keys[0] >= cheapest or place[target] == TAKEN:
@@ -118,16 +131,9 @@ def _settle(
 
 
 @numba.njit(cache=True, nogil=True)
-def _free_path(
-    first: np.ndarray,
-    neighbour: np.ndarray,
-    edge_of: np.ndarray,
-    base: np.ndarray,
-    to_target: np.ndarray,
-    source: int,
-    target: int,
-) -> np.ndarray:
+def _free_path(graph: GraphAmongSpheres, to_target: np.ndarray, source: int, target: int) -> np.ndarray:
     """Nodes (p,) of the cheapest path without obstacles, down its field (n,)."""
+    first, neighbour, edge_of, base = graph.first, graph.neighbour, graph.edge, graph.base
     nodes, count = np.empty(len(to_target), dtype=np.int32), 1
     nodes[0] = source
     while nodes[count - 1] != target:
@@ -141,19 +147,9 @@ def _free_path(
 
 
 @numba.njit(cache=True, nogil=True)
-def _path_cost(
-    first: np.ndarray,
-    neighbour: np.ndarray,
-    edge_of: np.ndarray,
-    fixed: np.ndarray,
-    shares: np.ndarray,
-    points: np.ndarray,
-    centres: np.ndarray,
-    radii: np.ndarray,
-    strength: float,
-    nodes: np.ndarray,
-) -> float:
-    """What a path (p,) of nodes that are joined costs among spheres (o, 3), (o,)."""
+def _path_cost(graph: GraphAmongSpheres, nodes: np.ndarray) -> float:
+    """What a path (p,) of nodes that are joined costs among the obstacles."""
+    first, neighbour, edge_of, fixed, shares, _, points, centres, radii, strength = graph
     cost, factors = 0.0, np.empty((len(nodes), points.shape[1]))
     for i in range(len(nodes)):
         ambient_factors(points[nodes[i]], centres, radii, strength, factors[i])
@@ -203,10 +199,7 @@ class LiteralSearch:
         leads from the source to the target.
         """
         self._centres, self._radii = np.ascontiguousarray(centres), np.ascontiguousarray(radii)
-        adjacency = self._adjacency
-        free = _free_path(
-            adjacency.first, adjacency.node, adjacency.edge, self.weights.base, self._to_target, source, self._target
-        )
+        free = _free_path(self._graph, self._to_target, source, self._target)
         candidates = [free] + ([] if known is None else [known])
         costs = [self.path_cost(nodes) for nodes in candidates]
         best = int(np.argmin(costs))
@@ -223,13 +216,9 @@ class LiteralSearch:
         """Search until the path is the cheapest, or the deadline has passed."""
         if self.finished:
             return
-        adjacency, weights, front = self._adjacency, self.weights, self._front
+        graph, front = self._graph, self._front
         while not self.finished and not deadline.passed:
-            self._size = _settle(
-                adjacency.first, adjacency.node, adjacency.edge, weights.fixed, weights.shares, weights.base,
-                weights.body_points, self._centres, self._radii, self._strength, self._to_target, self._target,
-                self.cost, _BATCH, front, self._size,
-            )  # fmt: skip
+            self._size = _settle(graph, self._to_target, self._target, self.cost, _BATCH, front, self._size)
             self.finished = self._size == 0
             self.bound = self.cost if self.finished else min(self.cost, float(front.keys[0]))
         if self.finished and front.cost[self._target] < self.cost:
@@ -251,8 +240,12 @@ class LiteralSearch:
 
     def path_cost(self, nodes: np.ndarray) -> float:
         """What a path (p,) costs among the present obstacles."""
+        return _path_cost(self._graph, nodes)
+
+    @property
+    def _graph(self) -> GraphAmongSpheres:
         adjacency, weights = self._adjacency, self.weights
-        return _path_cost(
-            adjacency.first, adjacency.node, adjacency.edge, weights.fixed, weights.shares, weights.body_points,
-            self._centres, self._radii, self._strength, nodes,
+        return GraphAmongSpheres(
+            adjacency.first, adjacency.node, adjacency.edge, weights.fixed, weights.shares, weights.base,
+            weights.body_points, self._centres, self._radii, self._strength,
         )  # fmt: skip

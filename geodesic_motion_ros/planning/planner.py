@@ -11,7 +11,6 @@ A tick works out its `Situation` once, decides without changing anything (`arbit
 
 from __future__ import annotations
 
-import copy
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
@@ -42,7 +41,6 @@ from geodesic_motion_ros.planning.solver import Solver
 from geodesic_motion_ros.planning.status import Refusal, Verdict, VerdictCode
 from geodesic_motion_ros.planning.stream import Stream
 from geodesic_motion_ros.planning.tracking import Tracking
-from geodesic_motion_ros.planning.warm_up import load_kernels
 from geodesic_motion_ros.robot.collision_model import CollisionModel
 from geodesic_motion_ros.robot.held_objects import HeldObject, check_held
 from geodesic_motion_ros.robot.kinematics import Robot
@@ -64,6 +62,9 @@ class ReactivePlanner:
     One thread calls `tick`, `stop`, `stand_at`, and the methods that set, take or clear a goal. Any thread may call
     `plan`, and the methods that prepare a goal. Obstacles are replaced as a whole. Poses and obstacles are of the base
     frame, all times are of one clock, the caller's.
+
+    The first calls of a process load compiled kernels, or compile them: its first ticks take seconds. Where that would
+    be too late call `warm_up.load_kernels(planner)` before the stream begins.
 
     Example
     -------
@@ -116,10 +117,11 @@ class ReactivePlanner:
         # It counts up when prepared goals become stale: the arm stands elsewhere, holds other objects, or has other
         # settings.
         self._generation = 0
-        # On a copy with a stream of its own, for this one has not begun.
-        trial = copy.copy(self)
-        trial._stream = Stream(solver.certifier)
-        load_kernels(trial, self._arm)
+
+    @property
+    def arm(self) -> GuardedArm:
+        """The arm with what it holds, as queries, motions and detours count it."""
+        return self._arm
 
     @property
     def settings(self) -> PlannerSettings:

@@ -1,54 +1,65 @@
-"""Loads the compiled kernels of a planner, or has them compiled on the first start: no tick of its stream shall wait
-for that. What is not loaded is compiled in the first tick that needs it, for seconds.
+"""Loads the compiled kernels of a planner into this process, so that no tick of its stream waits for them.
+
+numba reads a kernel from its cache, or compiles it, where a process first calls it. So a program calls `load_kernels`
+before it begins a stream: a kernel that is not called here is read in the first tick that needs it, or compiled, for
+seconds.
 """
 
 from __future__ import annotations
 
-from functools import partial
-from typing import TYPE_CHECKING
-
 import numpy as np
 
 from geodesic_motion_ros.geometry.pose import Pose
+from geodesic_motion_ros.geometry.task_frame import TaskFrame
 from geodesic_motion_ros.obstacles.obstacles import Obstacles
 from geodesic_motion_ros.planning.evasion_motion import evasion_beside_graph
-from geodesic_motion_ros.planning.guarded_arm import GuardedArm
 from geodesic_motion_ros.planning.plan import MotionState
+from geodesic_motion_ros.planning.planner import ReactivePlanner
+from geodesic_motion_ros.planning.played import Followed, PlayedTrajectory
 from geodesic_motion_ros.planning.search import load_search
+from geodesic_motion_ros.planning.situation import Situation
 from geodesic_motion_ros.planning.status import Refusal, VerdictCode
 from geodesic_motion_ros.trajectory.timing import load_references
 
-if TYPE_CHECKING:
-    from geodesic_motion_ros.planning.planner import ReactivePlanner
+#: How far from what was demonstrated a detour and an evasion are looked for [m].
+_REACH = 0.1
 
 
-def load_kernels(trial: ReactivePlanner, arm: GuardedArm) -> None:
-    """Let a planner that has played nothing play a short stream with its arm: with an obstacle, a new goal in motion,
-    and a stop.
+def load_kernels(planner: ReactivePlanner) -> None:
+    """Load every compiled kernel that a tick of a planner may call, or compile those that numba's cache lacks.
+
+    The parts of a tick are called: from the skill's start to its goal, among an obstacle of each kind far above the
+    arm. The planner stays as it is.
     """
-    solver, skill = arm.solver, trial.skill
-    if trial.robot.takes_poses:
+    arm, solver, skill = planner.arm, planner.arm.solver, planner.skill
+    load_references(planner.limits, solver.tool)
+    frame = TaskFrame.identity()
+    if planner.robot.takes_poses:
         start = arm.queries.start_by_pose(Pose(skill.start_pose[:3], skill.start_pose[3:]))
-        position, quaternion = skill.goal_pose[:3], skill.goal_pose[3:]
-        goals = [partial(trial.prepared_goal, position + offset, quaternion) for offset in (0.0, 0.003)]
+        goal = arm.queries.goal_by_pose(Pose(skill.goal_pose[:3], skill.goal_pose[3:]), frame)
     else:
         start = skill.mean_configuration("start")
-        end = skill.mean_configuration("goal")
-        goals = [partial(trial.prepared_configuration, end + offset) for offset in (0.0, 0.02)]
-    trial.stand_at(trial.robot.ready if isinstance(start, Refusal) else start, 0.0)
-    trial.take_goal(goals[0]())
-    for time in (0.0, 0.1, 0.2):
-        trial.take_obstacles(Obstacles.one_of_each(np.array([0.0, 0.0, 3.0 + time]), np.full(3, 1e-3), time))
-        trial.tick(time)
-    goal = goals[1]()
-    trial.take_goal(goal)
-    trial.tick(0.3)
-    query, commanded = None if isinstance(goal, Refusal) else goal.query, trial.commanded(0.3)
-    if query is not None:
-        load_search(trial.graph, query, trial.settings)
-    if query is not None and commanded is not None and trial.may_detour:
-        arm.detours.find(query, trial.obstacles, 0.1)
-        state = MotionState(0.3, *commanded, query.start_latent)
-        evasion_beside_graph(solver, query, state, trial.obstacles, 0.1)
-    load_references(trial.limits, solver.tool)
-    trial.stop(0.4, Refusal(VerdictCode.NO_GOAL))
+        goal = arm.queries.goal_by_configuration(skill.mean_configuration("goal"), frame)
+    if isinstance(goal, Refusal):
+        return
+    start = planner.robot.ready if isinstance(start, Refusal) else start
+    query = arm.queries.build(start, goal)
+    if isinstance(query, Refusal):
+        return
+    load_search(planner.graph, query, planner.settings)
+    obstacles, still = Obstacles.one_of_each(np.array([0.0, 0.0, 3.0]), np.full(3, 1e-3), 0.0), np.zeros_like(start)
+    state = MotionState(0.0, start, still, still, query.start_latent)
+    if planner.may_detour:
+        arm.detours.find(query, obstacles, _REACH)
+        evasion_beside_graph(solver, query, state, obstacles, _REACH)
+    plan = solver.solve(query, state, obstacles, solver.cautious)
+    if plan.trajectory is None:
+        return
+    played = PlayedTrajectory(plan.trajectory, 0.0, solver.certifier)
+    followed = Followed.begun(query, plan, obstacles, 0.0)
+    moving = Situation(planner.settings, planner.limits, solver.certifier, played, followed, 0.1, obstacles)
+    moving.free_path(query)
+    arm.query_from(moving.state, followed, goal)
+    stop = moving.stopped(Refusal(VerdictCode.NO_GOAL)).plan
+    if stop.trajectory is not None:
+        plan.trajectory.continued_by(stop.trajectory, 0.0, stop.begin)

@@ -1,8 +1,7 @@
-"""The kernels that are compiled ahead are those of the planners, and who waits for them hears how far it is."""
+"""What is compiled ahead is what planners call, and who waits for it hears how far it is."""
 
 from __future__ import annotations
 
-import json
 import os
 import shutil
 import signal
@@ -13,36 +12,49 @@ from pathlib import Path
 import pytest
 
 import geodesic_motion_ros
-from geodesic_motion_ros.planning.kernels import LIST, compile_kernels, listed
+from geodesic_motion_ros.planning.kernels import compile_kernels
 
-#: What a planner of each kind calls from Python, where all that those kernels call is in the cache.
+#: Prints the kernels that a planner of a skill compiles.
+COMPILED = """
+import sys
+from numba.core import event
+
+class Listener(event.Listener):
+    def on_start(self, event):
+        pass
+
+    def on_end(self, event):
+        function = event.data["dispatcher"].py_func
+        if function.__module__.startswith("geodesic_motion_ros."):
+            print(function.__module__, function.__name__)
+
+with event.install_listener("numba:compile", Listener()):
+    from geodesic_motion_ros.planning.declared_scene import DeclaredScene
+    from geodesic_motion_ros.planning.planner import ReactivePlanner
+    from geodesic_motion_ros.planning.warm_up import load_kernels
+    from geodesic_motion_ros.skill.skill import Skill
+
+    load_kernels(ReactivePlanner(Skill.load(sys.argv[1]), scene=DeclaredScene.empty()))
+"""
+
+#: In a copy of the package these two kernels are called in the place of all: they compile in seconds.
 CALLED = """
-import json
-from geodesic_motion_ros.planning.kernel_list import build_planners, called
+def call_kernels() -> None:
+    import numpy as np
+    from geodesic_motion_ros.manifold.hyperbolic_tangent import tanh
+    from geodesic_motion_ros.manifold.radial_basis import radial_basis
 
-build_planners()
-print(json.dumps(called()))
+    tanh(np.zeros(3))
+    radial_basis(np.zeros((1, 2)), np.zeros((3, 2)), 1.0, np.zeros((4, 3)))
 """
 
-#: The program that compiles on one core, with one worker: what that loads costs more than what it compiles.
-ON_ONE_CORE = """
-import os, runpy
-os.sched_setaffinity(0, [min(os.sched_getaffinity(0))])
-runpy.run_module("geodesic_motion_ros.planning.kernels", run_name="__main__")
-"""
 
-#: A package of two listed kernels, whose copies of the modules compile in seconds.
-FEW = ("manifold.radial_basis", "manifold.hyperbolic_tangent")
-
-
-def test_the_list_has_what_planners_call() -> None:
+@pytest.mark.parametrize("skill", ["panda_insertion", "ur5_reach"])
+def test_planners_of_other_skills_need_no_other_kernels(skill: str) -> None:
     compile_kernels()
-    done = subprocess.run([sys.executable, "-c", CALLED], capture_output=True, text=True)
+    done = subprocess.run([sys.executable, "-c", COMPILED, skill], capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
-    called = {tuple(row) for row in json.loads(done.stdout)}
-    assert len(called) > 50
-    missing = called - {tuple(row) for row in listed()}
-    assert not missing, f"python -m geodesic_motion_ros.planning.kernels --write: {sorted(missing)}"
+    assert done.stdout == ""
 
 
 @pytest.fixture
@@ -51,29 +63,34 @@ def few(tmp_path: Path) -> tuple[list[str], dict[str, str]]:
     source = Path(geodesic_motion_ros.__path__[0])
     package = tmp_path / source.name
     shutil.copytree(source, package, ignore=shutil.ignore_patterns("__pycache__", "*.png"))
-    rows = [row for row in listed() if row[0] in FEW]
-    (package / LIST.relative_to(source)).write_text(json.dumps({"kernels": len(rows), "called": rows}))
+    compiler = package / "planning" / "kernel_compiler.py"
+    text, end = compiler.read_text().split("\n\nif __name__")
+    compiler.write_text(f"{text}{CALLED}\n\nif __name__{end}")
     changes = {"PYTHONPATH": str(tmp_path), "NUMBA_CACHE_DIR": str(tmp_path / "cache")}
-    return [sys.executable, "-c", ON_ONE_CORE], os.environ | changes
+    return [sys.executable, "-m", "geodesic_motion_ros.planning.kernels"], os.environ | changes
 
 
 def test_progress_is_said_once_and_nothing_where_all_is_there(few, tmp_path: Path) -> None:
-    command, environment = few
-    first = subprocess.run(command, env=environment, cwd=tmp_path, capture_output=True, text=True, check=True)
-    lines = first.stderr.splitlines()
-    assert lines[0] == "compiling kernels, once: 0 of 2"
+    (python, *rest), environment = few
+
+    def said(*options: str) -> list[str]:
+        command = [python, *options, *rest]
+        done = subprocess.run(command, env=environment, cwd=tmp_path, capture_output=True, text=True, check=True)
+        return done.stderr.splitlines()
+
+    lines = said()
+    assert lines[0] == "compiling kernels, once: 1 of about 175"
     assert lines[-1].startswith("compiled 2 kernels in ")
-    # numba compiles optimized bytecode anew, which is said too, and keeps both.
-    optimized = subprocess.run(
-        [command[0], "-OO", *command[1:]], env=environment, cwd=tmp_path, capture_output=True, text=True, check=True
-    )
-    assert "compiled 2 kernels in " in optimized.stderr
-    again = subprocess.run(command, env=environment, cwd=tmp_path, capture_output=True, text=True, check=True)
-    assert again.stderr == ""
+    assert said() == []
+    # numba compiles bytecode that lacks a docstring anew, which is said too, and keeps both.
+    assert said("-OO")[-1].startswith("compiled 1 kernels in ")
+    assert said("-OO") == said() == []
     for file in (tmp_path / "cache").rglob("*.nbi"):
         file.unlink()
-    lost = subprocess.run(command, env=environment, cwd=tmp_path, capture_output=True, text=True, check=True)
-    assert "compiled 2 kernels in " in lost.stderr
+    assert said()[-1].startswith("compiled 2 kernels in ")
+    # Nothing is said where it is not known that all is there, and it is.
+    (tmp_path / "cache" / "kernels.finished").unlink()
+    assert said() == []
 
 
 def test_of_two_programs_one_compiles_and_the_other_waits(few, tmp_path: Path) -> None:
@@ -87,15 +104,14 @@ def test_of_two_programs_one_compiles_and_the_other_waits(few, tmp_path: Path) -
     assert sum(text in ("", "another process compiles the kernels: waiting for it\n") for text in texts) == 1
 
 
-def test_a_kernel_that_cannot_be_compiled_is_named_and_left(few, tmp_path: Path) -> None:
+def test_a_program_begins_where_kernels_cannot_be_compiled_ahead(few, tmp_path: Path) -> None:
     command, environment = few
-    file = tmp_path / LIST.relative_to(Path(geodesic_motion_ros.__path__[0]).parent)
-    content = json.loads(file.read_text())
-    content["called"][0][1] = "renamed"
-    file.write_text(json.dumps(content))
-    done = subprocess.run(command, env=environment, cwd=tmp_path, capture_output=True, text=True, check=True)
-    assert f"not compiled ahead: {content['called'][0][0]}.renamed: " in done.stderr
-    assert "compiled 1 kernels in " in done.stderr
+    file = tmp_path / "geodesic_motion_ros" / "manifold" / "radial_basis.py"
+    file.write_text(file.read_text().replace("squared[:] = 0.0", "squared[:] = nothing"))
+    for _ in range(2):  # it is tried anew
+        done = subprocess.run(command, env=environment, cwd=tmp_path, capture_output=True, text=True, check=True)
+        assert "'nothing'" in done.stderr
+        assert done.stderr.endswith("not all kernels could be compiled ahead: the others are where they are called\n")
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
@@ -105,10 +121,9 @@ def test_a_node_that_is_ended_while_compiling_exits_cleanly_and_leaves_no_proces
     node = subprocess.Popen(
         [sys.executable, "-c", program], env=environment, cwd=tmp_path, stderr=subprocess.PIPE, text=True
     )
-    assert node.stderr.readline() == "compiling kernels, once: 0 of 2\n"
-    workers = Path(f"/proc/{node.pid}/task/{node.pid}/children").read_text().split()
-    assert workers
+    assert node.stderr.readline() == "compiling kernels, once: 1 of about 175\n"
+    assert Path(f"/proc/{node.pid}/task/{node.pid}/children").read_text().split()
     node.send_signal(number)
-    rest = node.communicate()[1]  # the workers have standard error too: it ends with the last of them
+    rest = node.communicate()[1]  # the compiler has standard error too: it ends with it
     assert node.returncode == 0, rest
     assert "Traceback" not in rest

@@ -1,4 +1,4 @@
-"""No kernel is loaded, or compiled for seconds, while an arm moves: a planner that stands has them all.
+"""No kernel is loaded, or compiled for seconds, while an arm moves: `load_kernels` loads them all.
 
 Each planner runs in a process of its own, where nothing else has loaded kernels.
 """
@@ -19,6 +19,7 @@ from geodesic_motion_ros.utils.deadline import Deadline
 from geodesic_motion_ros.obstacles.obstacles import Obstacles
 from geodesic_motion_ros.planning.declared_scene import DeclaredScene
 from geodesic_motion_ros.planning.planner import ReactivePlanner
+from geodesic_motion_ros.planning.warm_up import load_kernels
 from geodesic_motion_ros.robot.body_points import end_effector_poses
 from geodesic_motion_ros.skill.skill import Skill
 from geodesic_motion_ros.planning.status import Refusal, VerdictCode
@@ -48,7 +49,9 @@ def deadlines():
 
 PLANNED = """
 planner = ReactivePlanner(skill, scene=DeclaredScene.empty())
+load_kernels(planner)
 before = loaded()
+assert planner.commanded(0.0) is None and planner.tick(0.0).verdict.code is VerdictCode.STALE_STATE
 ends = skill.start_pose[:3], skill.start_pose[3:], skill.goal_pose[:3], skill.goal_pose[3:]
 codes = set()
 for path in example_paths(planner):
@@ -105,7 +108,7 @@ def example_paths(planner):
 
 
 @pytest.mark.parametrize("skill", [JOINTS, TOOL], ids=["joints", "tool"])
-def test_a_planner_that_stands_has_loaded_every_kernel_of_its_ticks(skill: str) -> None:
+def test_every_kernel_of_ticks_is_loaded_before_them(skill: str) -> None:
     done = subprocess.run([sys.executable, "-c", COMMON + skill + PLANNED], capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
     many, rest = done.stdout.strip().split(" ", 1)
@@ -120,6 +123,7 @@ def test_a_planner_that_stands_has_loaded_every_kernel_of_its_ticks(skill: str) 
 FEW_JOINTS = """
 skill = Skill.load(sys.argv[1])
 planner = ReactivePlanner(skill, scene=DeclaredScene.empty())
+load_kernels(planner)
 before = loaded()
 path = skill.canonical.configurations.mean(axis=0)
 codes = set()
@@ -133,7 +137,7 @@ print(len(before) > 40, sorted(codes), sorted(loaded() - before))
 """
 
 
-def test_a_planner_of_few_joints_has_loaded_them_too() -> None:
+def test_so_are_those_of_an_arm_of_few_joints() -> None:
     folder = Path(__file__).resolve().parents[1] / "skills" / "arm_of_5"
     done = subprocess.run([sys.executable, "-c", COMMON + FEW_JOINTS, folder], capture_output=True, text=True)
     assert done.returncode == 0, done.stderr

@@ -28,6 +28,7 @@ from geodesic_motion_ros.planning.planner import ReactivePlanner
 from geodesic_motion_ros.planning.query import ArmQuery
 from geodesic_motion_ros.planning.solver import Solver
 from geodesic_motion_ros.planning.status import Refusal, VerdictCode
+from geodesic_motion_ros.planning.warm_up import load_kernels
 from geodesic_motion_ros.skill.skill import Skill
 from geodesic_motion_ros.utils.errors import ParameterError
 from geodesic_motion_studies.benchmarks.stopwatch import Stopwatch, no_garbage_collection
@@ -97,6 +98,7 @@ class DetourBench:
         """
         self._arena, self._plays = Arena.of(skill, "arm"), plays
         self.planner = planner = ReactivePlanner(skill, scene=DeclaredScene.empty())
+        load_kernels(planner)
         self._solver = Solver(
             skill, planner.graph, planner.settings, planner.robot, planner.collision, planner.limits, planner.scene
         )

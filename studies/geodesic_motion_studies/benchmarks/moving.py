@@ -25,6 +25,7 @@ from geodesic_motion_ros.obstacles.obstacles import Obstacles
 from geodesic_motion_ros.planning import search as path_search
 from geodesic_motion_ros.planning.arm_clearance import obstacle_clearance
 from geodesic_motion_ros.planning.planner import ReactivePlanner
+from geodesic_motion_ros.planning.warm_up import load_kernels
 from geodesic_motion_ros.skill.skill import Skill
 from geodesic_motion_ros.utils.errors import ParameterError
 from geodesic_motion_studies.benchmarks.scenes import RATE
@@ -108,6 +109,7 @@ class MovingBench:
     def __init__(self, skill: Skill, motions: int, plays: int) -> None:
         self._plays = plays
         self.planner = ReactivePlanner(skill)
+        load_kernels(self.planner)
         self.motions = [
             motion for number in range(len(skill.codes)) if (motion := self._motion(skill.codes[number])) is not None
         ][:motions]  # fmt: skip

@@ -29,6 +29,7 @@ from geodesic_motion_ros.planning.planner import ReactivePlanner
 from geodesic_motion_ros.planning.search import cheapest_path
 from geodesic_motion_ros.planning.settings import PlannerSettings
 from geodesic_motion_ros.planning.status import Refusal
+from geodesic_motion_ros.planning.warm_up import load_kernels
 from geodesic_motion_ros.robot.solutions import STARTS, numerical_solutions, spread
 from geodesic_motion_ros.skill.skill import Skill
 from geodesic_motion_ros.trajectory.timing import timed_joint_reference
@@ -58,6 +59,7 @@ class SkillBench:
         if skill.space != "joint":
             raise ParameterError(f"skill '{skill.name}' is of task space: the stages are those of a joint-space skill")
         self.planner = planner = ReactivePlanner(skill, PlannerSettings(grid_shape=shape))
+        load_kernels(planner)
         ends = planner.graph.decoder.configurations(skill.codes[0, [0, -1]])
         self._start, self._goal = np.clip(ends, planner.limits.lower, planner.limits.upper)
         model = planner.collision

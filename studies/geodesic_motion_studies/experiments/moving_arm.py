@@ -19,6 +19,7 @@ import numpy as np
 
 from geodesic_motion_ros.planning.planner import ReactivePlanner
 from geodesic_motion_ros.planning.settings import PlannerSettings
+from geodesic_motion_ros.planning.warm_up import load_kernels
 from geodesic_motion_ros.robot.swivel import elbow_position
 from geodesic_motion_ros.simulation.trajectory_player import JointWaypoints
 from geodesic_motion_ros.simulation.world import ArmWorld
@@ -177,6 +178,7 @@ class MovingArmStage:
 
     def __init__(self, skill: Skill, settings: PlannerSettings, seed: int) -> None:
         self.planner, self.seed = ReactivePlanner(skill, settings), seed
+        load_kernels(self.planner)
         self._blind = ReactivePlanner(skill, replace(settings, avoidance=False))
         self.world, self.geometry = ArmWorld(rate_hz=STEP_HZ), CollisionGeometry("panda")
 

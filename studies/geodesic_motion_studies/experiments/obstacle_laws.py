@@ -56,6 +56,7 @@ from geodesic_motion_ros.planning.query import Query
 from geodesic_motion_ros.planning.settings import PlannerSettings
 from geodesic_motion_ros.planning.solver import Solver
 from geodesic_motion_ros.planning.status import Refusal
+from geodesic_motion_ros.planning.warm_up import load_kernels
 from geodesic_motion_ros.robot.body_points import place_body_points
 from geodesic_motion_ros.skill.skill import Skill
 from geodesic_motion_ros.utils.errors import ParameterError
@@ -264,6 +265,7 @@ class _Compared:
 
     def __init__(self, skill: Skill, laws: Sequence[Law], settings: PlannerSettings) -> None:
         self._planner = planner = ReactivePlanner(skill, settings)
+        load_kernels(planner)
         self._geometry = CollisionGeometry("panda")
         bodies = {True: planner.collision, False: no_body(planner.robot)}
         self._queries = {

@@ -143,7 +143,7 @@ def test_a_slower_tool_is_one_too(stream, nominal, goal):
     until_rest(stream, goal, 120.0)
     assert max(stream.jumps) < ROUNDING
     last = stream.handed[-1]
-    ratio = tool_limit_ratio(planner._arm.solver.tool, last.rest(0.5 * last.duration), 0.0)
+    ratio = tool_limit_ratio(planner.arm.solver.tool, last.rest(0.5 * last.duration), 0.0)
     assert np.max(ratio) < 1.02
 
 

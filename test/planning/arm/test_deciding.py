@@ -73,7 +73,7 @@ def state_of(planner: ReactivePlanner) -> dict[str, object]:
 def decided(planner: ReactivePlanner, now: float, deadline: Deadline) -> tuple[Situation, Decision]:
     situation = planner._situation(now, NEVER, deadline)
     assert situation is not None
-    return situation, Arbiter(planner._arm, situation, planner._mission, planner._memory).decide()
+    return situation, Arbiter(planner.arm, situation, planner._mission, planner._memory).decide()
 
 
 def after(looks: int) -> Deadline:

@@ -56,7 +56,7 @@ def planner(reach_skill: Skill) -> ReactivePlanner:
 def decided(planner: ReactivePlanner, *proposers: Proposer) -> Decision:
     situation = planner._situation(1.0, NEVER)
     assert situation is not None
-    return Arbiter(planner._arm, situation, planner._mission, planner._memory, proposers).decide()
+    return Arbiter(planner.arm, situation, planner._mission, planner._memory, proposers).decide()
 
 
 def test_the_arm_does_what_a_new_proposer_has_and_the_rank_says(planner) -> None:

@@ -14,6 +14,7 @@ from geodesic_motion_ros.planning.declared_scene import DeclaredScene
 from geodesic_motion_ros.planning.planner import ReactivePlanner
 from geodesic_motion_ros.planning.settings import PlannerSettings
 from geodesic_motion_ros.planning.tracking import Tracking, TrackingMonitor
+from geodesic_motion_ros.planning.warm_up import load_kernels
 from geodesic_motion_ros.robot.body_points import BodyPoints
 from geodesic_motion_ros.robot.collision_model import CollisionModel
 from geodesic_motion_ros.robot.kinematics import Robot
@@ -74,8 +75,11 @@ class Geodesics:
     def _made(self, declared: DeclaredScene) -> ReactivePlanner:
         skill, settings = self._arena.skill, self._planner_settings
         if self._part == "soft":
-            return ReactivePlanner(skill, settings, collision=no_body(self._arena.robot))
-        return ReactivePlanner(skill, settings, scene=declared)
+            planner = ReactivePlanner(skill, settings, collision=no_body(self._arena.robot))
+        else:
+            planner = ReactivePlanner(skill, settings, scene=declared)
+        load_kernels(planner)
+        return planner
 
     def track(self, measured: np.ndarray, now: float) -> None:
         """As the planner node's cycle."""
