@@ -13,7 +13,7 @@ from geodesic_motion_ros.utils.checked_numbers import SMALLEST_SCALE
 from geodesic_motion_ros.utils.errors import ParameterError
 
 if TYPE_CHECKING:
-    from geodesic_motion_ros.learning.task_space import OrientationModel
+    from geodesic_motion_ros.learning.autoencoder import OrientationModel
 
 #: The paper has no term of the joints alone; so little is none, and keeps every tensor positive [m].
 _NO_JOINT_WEIGHT = 1e-6

@@ -40,8 +40,7 @@ from geodesic_motion_ros.planning.turns import in_turn_of
 from geodesic_motion_ros.robot.body_points import end_effector_poses
 from geodesic_motion_ros.robot.collision_model import CollisionModel, self_clearance
 from geodesic_motion_ros.robot.inverse_kinematics import solve
-from geodesic_motion_ros.skill.joint_sheet import JointSheet
-from geodesic_motion_ros.skill.sheet import beyond_demonstrated
+from geodesic_motion_ros.skill.sheet import JointSheet, beyond_demonstrated
 from geodesic_motion_ros.skill.skill import ENDPOINT_MULTIPLE, Skill
 from geodesic_motion_ros.utils.errors import RobotError
 

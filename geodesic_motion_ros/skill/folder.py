@@ -19,8 +19,7 @@ from geodesic_motion_ros.manifold.pose_graph import MetricSettings
 from geodesic_motion_ros.robot.description import robot_folder, shipped_robots
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.skill.description import DESCRIPTION, LATENT, METADATA, WEIGHTS, check_description
-from geodesic_motion_ros.skill.joint_sheet import JointSheet
-from geodesic_motion_ros.skill.sheet import CanonicalSheet
+from geodesic_motion_ros.skill.sheet import CanonicalSheet, JointSheet
 from geodesic_motion_ros.utils.checked_files import opened, read_arrays, read_tensors, read_yaml
 from geodesic_motion_ros.utils.checked_numbers import (
     ARM_REACH,

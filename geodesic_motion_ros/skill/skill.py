@@ -41,9 +41,8 @@ from geodesic_motion_ros.skill.description import (
     check_thresholds,
 )
 from geodesic_motion_ros.skill.folder import CANONICAL_ARRAYS, LARGEST_DESCRIPTION, LATENT_ARRAYS, read_folder
-from geodesic_motion_ros.skill.joint_sheet import JointSheet
 from geodesic_motion_ros.skill.kept_graph import kept_graph
-from geodesic_motion_ros.skill.sheet import CanonicalSheet
+from geodesic_motion_ros.skill.sheet import CanonicalSheet, JointSheet
 from geodesic_motion_ros.utils.checked_files import PlainDumper, brief
 from geodesic_motion_ros.utils.errors import GeodesicMotionError, SkillError
 from geodesic_motion_ros.utils.shared_files import find_shared
