@@ -20,7 +20,7 @@ from geodesic_motion_ros.demonstrations.joint_demonstrations import JointDemonst
 from geodesic_motion_ros.demonstrations.modes import blend_weights
 from geodesic_motion_ros.learning.autoencoder import Means, OrientationModel
 from geodesic_motion_ros.learning.likelihoods import ConfigurationLikelihood, Likelihood, PoseLikelihood
-from geodesic_motion_ros.learning.settings import JointTrainingSettings, TrainingSettings
+from geodesic_motion_ros.learning.settings import CommonSettings, JointTrainingSettings, TrainingSettings
 from geodesic_motion_ros.manifold.configuration_graph import ConfigurationGraph
 from geodesic_motion_ros.manifold.joint_transport import JointOffsets
 from geodesic_motion_ros.manifold.pose_graph import PoseGraph
@@ -49,7 +49,7 @@ class ShownTask(ABC):
     """
 
     space: ClassVar[Literal["task", "joint"]]
-    settings: TrainingSettings | JointTrainingSettings
+    settings: CommonSettings
     names: list[str]
     frame: str
     robot: str

@@ -29,7 +29,7 @@ from geodesic_motion_ros.learning.likelihoods import Likelihood, Samples
 from geodesic_motion_ros.learning.networks import RadialBasisNetwork, kernel_rate, place_centres
 from geodesic_motion_ros.learning.optimisation import Progress, descend, drawn_rows, minimise, one_seeded_thread
 from geodesic_motion_ros.learning.progress_prior import prior_means, prior_variance
-from geodesic_motion_ros.learning.settings import JointTrainingSettings, TrainingSettings
+from geodesic_motion_ros.learning.settings import CommonSettings
 from geodesic_motion_ros.learning.shown_task import Curves, ShownConfigurations, ShownPoses
 from geodesic_motion_ros.skill.skill import GRID_SHAPES, Skill
 from geodesic_motion_ros.utils.errors import ParameterError
@@ -39,7 +39,7 @@ _SHOWN = {Demonstrations: ShownPoses, JointDemonstrations: ShownConfigurations}
 
 def train_skill(
     demonstrations: Demonstrations | JointDemonstrations,
-    settings: TrainingSettings | JointTrainingSettings | None = None,
+    settings: CommonSettings | None = None,
     name: str = "skill",
     progress: Progress | None = None,
     provenance: dict[str, Any] | None = None,
