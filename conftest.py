@@ -188,7 +188,7 @@ def brief_training() -> Iterator[None]:
     The command has no option for them. What is learned so briefly is supported nearly everywhere: a graph of the usual
     size would take longest of all.
     """
-    from geodesic_motion_ros.learning import joint_training, training
+    from geodesic_motion_ros.learning import training
     from geodesic_motion_ros.skill import skill
     from geodesic_motion_ros.visualization import skill_report
 
@@ -200,8 +200,7 @@ def brief_training() -> Iterator[None]:
         )
 
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(training, "train_task_space_skill", brief(training.train_task_space_skill))
-        patch.setattr(joint_training, "train_joint_space_skill", brief(joint_training.train_joint_space_skill))
+        patch.setattr(training, "train_skill", brief(training.train_skill))
         patch.setattr(skill_report, "PLACES", 1)
         for dimension, shape in ((2, (30, 30)), (3, (9, 9, 9))):
             patch.setitem(skill.GRID_SHAPES, dimension, shape)
@@ -217,9 +216,9 @@ def fan() -> Demonstrations:
 def trained(demonstrations: Demonstrations, name: str, **settings: Any) -> Skill:
     """A small skill of tool poses. What trains it is loaded only where one is trained anew."""
     from geodesic_motion_ros.learning.settings import TrainingSettings
-    from geodesic_motion_ros.learning.training import train_task_space_skill
+    from geodesic_motion_ros.learning.training import train_skill
 
-    return train_task_space_skill(demonstrations, TrainingSettings(**settings, **SMALL), name=name)
+    return train_skill(demonstrations, TrainingSettings(**settings, **SMALL), name=name)
 
 
 @pytest.fixture(scope="session")
@@ -279,12 +278,12 @@ def reach_skill(stored, request: pytest.FixtureRequest) -> Skill:
     """A joint-space skill of the whole Panda on the canonical sheet, with two families."""
 
     def train() -> Skill:
-        from geodesic_motion_ros.learning.joint_training import train_joint_space_skill
         from geodesic_motion_ros.learning.settings import JointTrainingSettings
+        from geodesic_motion_ros.learning.training import train_skill
 
         shown = request.getfixturevalue("reach_demonstrations")
         settings = JointTrainingSettings(batch=128, **SMALL)
-        return train_joint_space_skill(shown, Robot.named("panda"), settings, name="reach")
+        return train_skill(shown, settings, name="reach")
 
     return stored("reach", train)
 

@@ -77,7 +77,6 @@ class JointTraining:
         return Workload.of(len(self.learned_from), self.settings)
 
     def learn(self, name: str, progress: Callable[[str, int, int], None], provenance: dict[str, Any]) -> Skill:
-        from geodesic_motion_ros.learning.joint_training import train_joint_space_skill
+        from geodesic_motion_ros.learning.training import train_skill
 
-        return train_joint_space_skill(self.learned_from, self.robot, self.settings, name, progress, provenance)
-
+        return train_skill(self.learned_from, self.settings, name, progress, provenance)

@@ -75,9 +75,6 @@ class TaskTraining:
         return Workload.of(len(learned), self.settings, 2 if learned.has_orientation else 1)
 
     def learn(self, name: str, progress: Callable[[str, int, int], None], provenance: dict[str, Any]) -> Skill:
-        from geodesic_motion_ros.learning.training import train_task_space_skill
+        from geodesic_motion_ros.learning.training import train_skill
 
-        return train_task_space_skill(
-            self.tool_demonstrations(), self.settings, name, progress, provenance, self.robot
-        )
-
+        return train_skill(self.tool_demonstrations(), self.settings, name, progress, provenance, self.robot)

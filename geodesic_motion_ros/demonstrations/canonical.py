@@ -1,28 +1,42 @@
 """Canonical, that is endpoint-normalised, form of demonstrations: where a task begins and ends is taken out.
 
-With s in [0, 1] the fraction of a demonstration's arc, start offset d0 = x(0) - m(0) and goal offset d1 = x(1) - m(1)
-from the mean first and last pose m(0), m(1) of all demonstrations, the canonical curve is
+With s in [0, 1] the fraction of a demonstration's arc, canonical curves y(s) are those that a transport carries onto
+the demonstrations: x(s) = y(s) + D(s), where the displacement D fades from the demonstration's start offset to its goal
+offset as `demonstrations.fade` says. Adding the offsets again gives the demonstration back, and adding the offsets of
+another start and goal carries it there. Two output spaces have such a form:
 
-    y(s) = x(s) - (1 - tau) d0 - tau d1,      1 - tau = (1 - s)^fade     (see `demonstrations.fade`),
+R^3 x S^3, poses of the tool (`manifold.transport`). Offsets d0 = x(0) - m(0) and d1 = x(1) - m(1) are counted from the
+    mean first and last pose, D(s) = (1 - tau) d0 + tau d1 with 1 - tau = (1 - s)^fade. Rotations likewise: d0 and d1
+    are rotation vectors in the base frame, exp(d) m = x. Every canonical curve runs from m(0) to m(1). The arc counts
+    sqrt(|dx|^2 + (rotation_length * angle)^2), see `curves.pose_arc_length`.
 
-with rotations likewise: d0 and d1 are rotation vectors in the base frame, exp(d) m = x, and the curve is turned back by
-exp(-(1 - tau) d0 - tau d1). Every canonical curve runs from m(0) to m(1); adding the offsets again gives the
-demonstration back exactly, and adding the offsets of another start and goal carries it there.
+R^eta, configurations of an arm (`manifold.joint_transport`). Offsets are counted from the mean of all starts (ends),
+    and where that is no configuration to count from, because some lie further from it than an offset may reach, from
+    the mean of those alone that start (end) in the same family of configurations: two that hold the tool in one pose
+    with the elbow on two sides are never averaged. D depends on y as well. The arc counts what the metric counts: the
+    mean squared motion of the body points, and with a small weight that of the joints.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import math
+from abc import ABC, abstractmethod
+from collections.abc import Sequence
 
 import numpy as np
 
 from geodesic_motion_ros.demonstrations.demonstrations import Demonstration, Demonstrations
 from geodesic_motion_ros.demonstrations.fade import FADE_SAMPLES, likeliest_fade, scatter_within
+from geodesic_motion_ros.demonstrations.joint_demonstrations import JointDemonstrations
 from geodesic_motion_ros.demonstrations.modes import cluster_modes
 from geodesic_motion_ros.geometry.curves import interpolate, pose_arc_length
 from geodesic_motion_ros.geometry.quaternions import mean_rotation, rotate_by, rotation_vector_between
+from geodesic_motion_ros.manifold.configuration_graph import JointMetricSettings
+from geodesic_motion_ros.manifold.joint_transport import JointOffsets
 from geodesic_motion_ros.manifold.transport import faded
-from geodesic_motion_ros.skill.sheet import RotationCurves
+from geodesic_motion_ros.robot.body_points import place_body_points
+from geodesic_motion_ros.robot.kinematics import Robot
+from geodesic_motion_ros.skill.sheet import CanonicalSheet, JointSheet, RotationCurves
 from geodesic_motion_ros.utils.errors import DemonstrationError
 
 #: Starts and goals may lie this share of the demonstrations' length from their mean; further apart there is no task
@@ -30,102 +44,228 @@ from geodesic_motion_ros.utils.errors import DemonstrationError
 LARGEST_SHARE = 0.5
 #: The same for orientations [rad]: rotation vectors of half a turn have no direction.
 LARGEST_TURN = 2.0
+#: Starts and goals may lie this far [rad], over all joints, from the mean of their group.
+LARGEST_OFFSET = 1.5
+#: y = theta - D(y, s) is solved by so many fixed-point iterations.
+_ITERATIONS = 8
 
 
-@dataclass(frozen=True)
-class CanonicalDemonstrations:
-    """Demonstrations (N) in canonical form at the same fractions s (T,) of their arcs.
+class CanonicalForm(ABC):
+    """Demonstrations (N) in canonical form, at as many samples along their arcs as are asked for.
 
     Attributes
     ----------
-    positions : (N, T, 3) [m]; quaternions : (N, T, 4), all in one hemisphere at equal s.
+    names : of the demonstrations.
+    fade : exponent with which start offsets are taken out.
+    modes : (N,) number of each demonstration's mode, from 0.
+    """
+
+    def __init__(self, names: Sequence[str], fade: float | None) -> None:
+        """fade : None: the likeliest."""
+        self.names = names
+        few = self.curves(FADE_SAMPLES)
+        self._count_offsets(few)
+        if fade is None:
+            modes = cluster_modes(self.without_offsets(few, 1.0)[0])
+            fade = likeliest_fade(
+                lambda tried: scatter_within(self._compared(self.without_offsets(few, tried)), modes), len(names)
+            )
+        self.fade = fade
+        self.modes = cluster_modes(self.without_offsets(few, fade)[0])
+
+    @abstractmethod
+    def sheet(self, samples: int) -> CanonicalSheet | JointSheet:
+        """The canonical demonstrations at so many samples, with their modes and offsets, without a regression."""
+
+    @abstractmethod
+    def curves(self, samples: int) -> tuple[np.ndarray, ...]:
+        """The demonstrations, equally spaced along their arcs: arrays (N, samples, ...) of positions [m] and
+        quaternions, or of configurations [rad] alone.
+        """
+
+    @abstractmethod
+    def without_offsets(self, curves: tuple[np.ndarray, ...], fade: float) -> tuple[np.ndarray, ...]:
+        """y of curves that are equally spaced along their arcs."""
+
+    @abstractmethod
+    def _count_offsets(self, curves: tuple[np.ndarray, ...]) -> None:
+        """Keep the offsets of curves; DemonstrationError: one starts or ends where the others do not."""
+
+    def _compared(self, curves: tuple[np.ndarray, ...]) -> np.ndarray:
+        """Numbers (N, T, D) in one unit by which curves are compared."""
+        return curves[0]
+
+
+class PoseForm(CanonicalForm):
+    """The canonical form of poses of a tool.
+
+    Attributes
+    ----------
     start_offsets, goal_offsets : (N, 6) translation [m] and rotation vector [rad] from `start` and `goal`.
     start, goal : (7,) mean first and last pose: x, y, z [m], w, x, y, z.
-    fade : exponent with which start offsets were taken out.
     """
 
-    positions: np.ndarray
-    quaternions: np.ndarray
-    start_offsets: np.ndarray
-    goal_offsets: np.ndarray
-    start: np.ndarray
-    goal: np.ndarray
-    fade: float
+    def __init__(self, demonstrations: Demonstrations, rotation_length: float, fade: float | None = None) -> None:
+        """
+        Parameters
+        ----------
+        demonstrations : signs of whole demonstrations do not matter.
+        rotation_length : length that a turn of one radian counts in the arc [m].
+        fade : exponent with which start offsets fade; None: the likeliest.
 
-    def blended(self, weights: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Weighted means of the curves: positions (B, T, 3) and quaternions (B, T, 4), for weights (B, N)."""
-        positions = np.einsum("bn,ntj->btj", weights, self.positions)
-        return positions, RotationCurves.of(self.quaternions).blended(weights)
+        Raises
+        ------
+        DemonstrationError : a demonstration starts or ends where the others do not, so that they have no form in
+            common.
+        """
+        self._demonstrations, self._rotation_length = demonstrations.in_one_hemisphere(), rotation_length
+        super().__init__([item.name for item in demonstrations], fade)
+
+    def sheet(self, samples: int) -> CanonicalSheet:
+        positions, quaternions = self.without_offsets(self.curves(samples), self.fade)
+        ends = self.start_offsets, self.goal_offsets
+        return CanonicalSheet(*ends, self.modes, math.inf, positions, quaternions, fade=self.fade)
+
+    def curves(self, samples: int) -> tuple[np.ndarray, ...]:
+        return pose_curves(self._demonstrations, samples, self._rotation_length)
+
+    def without_offsets(self, curves: tuple[np.ndarray, ...], fade: float) -> tuple[np.ndarray, ...]:
+        positions, quaternions = curves
+        tau = faded(np.linspace(0.0, 1.0, positions.shape[1]), fade)[:, None]
+        blend = (1.0 - tau) * self.start_offsets[:, None] + tau * self.goal_offsets[:, None]
+        return positions - blend[..., :3], rotate_by(-blend[..., 3:], quaternions)
+
+    def _count_offsets(self, curves: tuple[np.ndarray, ...]) -> None:
+        (self.start, self.goal), lengths = mean_ends(*curves), [item.length for item in self._demonstrations]
+        firsts, lasts = ([values[:, end] for values in curves] for end in (0, -1))
+        self.start_offsets, self.goal_offsets = offsets_between(self.start, *firsts), offsets_between(self.goal, *lasts)
+        _refuse_strange_poses(self.names, "starts", self.start_offsets, lengths)
+        _refuse_strange_poses(self.names, "ends", self.goal_offsets, lengths)
+
+    def _compared(self, curves: tuple[np.ndarray, ...]) -> np.ndarray:
+        return np.concatenate([curves[0], self._rotation_length * RotationCurves.of(curves[1]).turns], axis=-1)
 
 
-def along_arc(
-    demonstration: Demonstration, samples: int, rotation_length: float
-) -> tuple[np.ndarray, np.ndarray]:
-    """Positions (samples, 3) and quaternions (samples, 4), equally spaced along the arc of a demonstration.
+class ConfigurationForm(CanonicalForm):
+    """The canonical form of configurations of an arm.
 
-    The arc counts sqrt(|dx|^2 + (rotation_length * angle)^2), see `curves.pose_arc_length`.
+    Attributes
+    ----------
+    start_offsets, goal_offsets : (N, eta) [rad], from the pole of the demonstration's group.
+    start_groups, goal_groups : (N,) numbers of the groups; start_poles, goal_poles : (G, eta) their means [rad].
     """
+
+    def __init__(
+        self, demonstrations: JointDemonstrations, robot: Robot, metric: JointMetricSettings, fade: float | None = None
+    ) -> None:
+        """
+        fade : exponent with which start offsets fade; None: the likeliest.
+
+        Raises
+        ------
+        DemonstrationError : a demonstration starts or ends far from all others of its group.
+        """
+        self._demonstrations, self._robot, self._metric = demonstrations, robot, metric
+        super().__init__([item.name for item in demonstrations], fade)
+
+    def sheet(self, samples: int) -> JointSheet:
+        (configurations,) = self.without_offsets(self.curves(samples), self.fade)
+        return JointSheet(
+            self.start_offsets, self.goal_offsets, self.modes, math.inf, configurations,
+            self.start_groups, self.goal_groups, self.start_poles, self.goal_poles, fade=self.fade,
+        )  # fmt: skip
+
+    def curves(self, samples: int) -> tuple[np.ndarray, ...]:
+        return configuration_curves(self._demonstrations, self._robot, self._metric, samples)
+
+    def without_offsets(self, curves: tuple[np.ndarray, ...], fade: float) -> tuple[np.ndarray, ...]:
+        poles = np.stack([self.start_poles[self.start_groups], self.goal_poles[self.goal_groups]], axis=1)
+        pairs = zip(curves[0], poles, strict=True)
+        return (np.stack([without_offsets(curve, ends, self._robot, fade) for curve, ends in pairs]),)
+
+    def _count_offsets(self, curves: tuple[np.ndarray, ...]) -> None:
+        self.start_groups, self.start_poles, self.start_offsets = _group_ends(curves[0][:, 0])
+        self.goal_groups, self.goal_poles, self.goal_offsets = _group_ends(curves[0][:, -1])
+        for verb, offsets in (("starts", self.start_offsets), ("ends", self.goal_offsets)):
+            sizes = np.linalg.norm(offsets, axis=1)
+            if np.any(sizes > LARGEST_OFFSET):
+                listed = ", ".join(f"{name} {size:.2f}" for name, size in zip(self.names, sizes, strict=True))
+                raise DemonstrationError(
+                    f"demonstration '{self.names[int(np.argmax(sizes))]}' {verb} further than "
+                    f"{LARGEST_OFFSET:g} rad from the others like it: one skill is learned from demonstrations of one "
+                    f"task; distances [rad] from the mean are {listed}"
+                )
+
+
+def along_arc(demonstration: Demonstration, samples: int, rotation_length: float) -> tuple[np.ndarray, np.ndarray]:
+    """Sample positions (samples, 3) and quaternions (samples, 4), equally spaced along the arc of a demonstration."""
     arc = pose_arc_length(demonstration.positions, demonstration.quaternions, rotation_length)
     at = np.linspace(0.0, arc[-1], samples)
     return interpolate(arc, demonstration.positions, demonstration.quaternions, at)
 
 
-def canonical_form(
-    demonstrations: Demonstrations, samples: int, rotation_length: float, fade: float | None = None
-) -> CanonicalDemonstrations:
-    """Resample demonstrations along their arcs and take their start and goal offsets out.
-
-    Parameters
-    ----------
-    demonstrations : signs of whole demonstrations do not matter.
-    rotation_length : length that a turn of one radian counts in the arc [m].
-    fade : exponent with which start offsets fade; None: the likeliest.
-
-    Raises
-    ------
-    DemonstrationError : a demonstration starts or ends where the others do not, so that they have no form in common.
-    """
-    aligned = demonstrations.in_one_hemisphere()
-    positions, quaternions = _all_along_arc(aligned, samples, rotation_length)
-    start, goal = (mean_pose(positions[:, end], quaternions[:, end]) for end in (0, -1))
-    start_offsets = offsets_between(start, positions[:, 0], quaternions[:, 0])
-    goal_offsets = offsets_between(goal, positions[:, -1], quaternions[:, -1])
-    lengths = [item.length for item in demonstrations]
-    _refuse_strangers([item.name for item in demonstrations], "starts", start_offsets, lengths)
-    _refuse_strangers([item.name for item in demonstrations], "ends", goal_offsets, lengths)
-    offsets = np.stack([start_offsets, goal_offsets], axis=1)
-    if fade is None:
-        few = _all_along_arc(aligned, FADE_SAMPLES, rotation_length)
-        modes = cluster_modes(_without_offsets(*few, offsets, 1.0)[0])
-
-        def scatter(tried: float) -> float:
-            moved, turned = _without_offsets(*few, offsets, tried)
-            turns = rotation_length * RotationCurves.of(turned).turns
-            return scatter_within(np.concatenate([moved, turns], axis=-1), modes)
-
-        fade = likeliest_fade(scatter, len(offsets))
-    canonical = _without_offsets(positions, quaternions, offsets, fade)
-    return CanonicalDemonstrations(*canonical, start_offsets, goal_offsets, start, goal, fade)
-
-
-def _all_along_arc(
-    demonstrations: Demonstrations, samples: int, rotation_length: float
-) -> tuple[np.ndarray, np.ndarray]:
+def pose_curves(demonstrations: Demonstrations, samples: int, rotation_length: float) -> tuple[np.ndarray, np.ndarray]:
+    """Sample positions (N, samples, 3) and quaternions (N, samples, 4) of all demonstrations by `along_arc`."""
     curves = [along_arc(item, samples, rotation_length) for item in demonstrations]
-    return np.stack([curve[0] for curve in curves]), np.stack([curve[1] for curve in curves])
+    return np.stack([positions for positions, _ in curves]), np.stack([quaternions for _, quaternions in curves])
 
 
-def _without_offsets(
-    positions: np.ndarray, quaternions: np.ndarray, offsets: np.ndarray, fade: float
-) -> tuple[np.ndarray, np.ndarray]:
-    """y of curves (N, T, 3), (N, T, 4), for the offsets (N, 2, 6) of their starts and goals."""
-    tau = faded(np.linspace(0.0, 1.0, positions.shape[1]), fade)[:, None]
-    blend = (1.0 - tau) * offsets[:, :1] + tau * offsets[:, 1:]
-    return positions - blend[..., :3], rotate_by(-blend[..., 3:], quaternions)
+def body_arc(configurations: np.ndarray, robot: Robot, metric: JointMetricSettings) -> np.ndarray:
+    """Measure the arc [m] up to each configuration of a motion (T, eta) [rad]; (T,), from 0.
+
+    It counts sqrt(mean_k |dp_k|^2 + joint_weight^2 |dtheta|^2), with p_k the metric's body points.
+    """
+    body = metric.body_points(robot)
+    points = place_body_points(np.ascontiguousarray(configurations), body.frames, body.offsets, robot.chain)
+    moved = np.sum(np.diff(points, axis=0) ** 2, axis=-1).mean(axis=1)
+    turned = np.sum(np.diff(configurations, axis=0) ** 2, axis=1)
+    return np.append(0.0, np.cumsum(np.sqrt(moved + metric.joint_weight**2 * turned)))
 
 
-def _refuse_strangers(names: list[str], verb: str, offsets: np.ndarray, lengths: list[float]) -> None:
-    """Offsets (N, 6) of starts or goals are refused beyond LARGEST_SHARE of the path and beyond LARGEST_TURN."""
+def along_body_arc(configurations: np.ndarray, robot: Robot, metric: JointMetricSettings, samples: int) -> np.ndarray:
+    """Sample configurations (samples, eta) [rad], equally spaced along the arc of a motion (T, eta) [rad]."""
+    arc = body_arc(configurations, robot, metric)
+    at = np.linspace(0.0, arc[-1], samples)
+    return np.stack([np.interp(at, arc, column) for column in configurations.T], axis=1)
+
+
+def configuration_curves(
+    demonstrations: JointDemonstrations, robot: Robot, metric: JointMetricSettings, samples: int
+) -> tuple[np.ndarray]:
+    """Sample configurations (N, samples, eta) [rad] of all demonstrations by `along_body_arc`, as the only array."""
+    return (np.stack([along_body_arc(item.configurations, robot, metric, samples) for item in demonstrations]),)
+
+
+def without_offsets(curve: np.ndarray, poles: np.ndarray, robot: Robot, fade: float = 1.0) -> np.ndarray:
+    """Solve y + D(y, s) = curve (T, eta), which is equally spaced in s, for y (T, eta); poles (2, eta) [rad]."""
+    offsets = JointOffsets.between(robot, poles, curve[[0, -1]], fade=fade)
+    s = np.linspace(0.0, 1.0, len(curve))
+    canonical = curve
+    for _ in range(_ITERATIONS):
+        canonical = curve - offsets.displacements(canonical, s)
+    return canonical
+
+
+def offsets_between(pose: np.ndarray, positions: np.ndarray, quaternions: np.ndarray) -> np.ndarray:
+    """Take translations [m] and rotation vectors [rad], (n, 6), from a pose (7,) to poses (n, 3), (n, 4)."""
+    turned = rotation_vector_between(np.broadcast_to(pose[3:], quaternions.shape), quaternions)
+    return np.concatenate([positions - pose[:3], turned], axis=-1)
+
+
+def mean_pose(positions: np.ndarray, quaternions: np.ndarray) -> np.ndarray:
+    """Average poses (N, 3), (N, 4) into one (7,), its quaternion on the first one's hemisphere."""
+    rotation = mean_rotation(quaternions)
+    return np.concatenate([positions.mean(axis=0), rotation if rotation @ quaternions[0] >= 0.0 else -rotation])
+
+
+def mean_ends(positions: np.ndarray, quaternions: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Average the first and the last poses, (7,) each, of curves (N, T, 3), (N, T, 4)."""
+    start, goal = (mean_pose(positions[:, end], quaternions[:, end]) for end in (0, -1))
+    return start, goal
+
+
+def _refuse_strange_poses(names: Sequence[str], verb: str, offsets: np.ndarray, lengths: list[float]) -> None:
+    """Refuse offsets (N, 6) of starts or goals beyond LARGEST_SHARE of the path or beyond LARGEST_TURN."""
     distances, turns = np.linalg.norm(offsets[:, :3], axis=1), np.linalg.norm(offsets[:, 3:], axis=1)
     allowed = LARGEST_SHARE * float(np.median(lengths))
     strange = (distances > allowed) | (turns > LARGEST_TURN)
@@ -142,13 +282,10 @@ def _refuse_strangers(names: list[str], verb: str, offsets: np.ndarray, lengths:
     )
 
 
-def offsets_between(pose: np.ndarray, positions: np.ndarray, quaternions: np.ndarray) -> np.ndarray:
-    """Translations [m] and rotation vectors [rad], (n, 6), from a pose (7,) to poses (n, 3), (n, 4)."""
-    turned = rotation_vector_between(np.broadcast_to(pose[3:], quaternions.shape), quaternions)
-    return np.concatenate([positions - pose[:3], turned], axis=-1)
-
-
-def mean_pose(positions: np.ndarray, quaternions: np.ndarray) -> np.ndarray:
-    """Mean position and mean rotation (7,) of poses (N, 3), (N, 4), the rotation on the first one's hemisphere."""
-    rotation = mean_rotation(quaternions)
-    return np.concatenate([positions.mean(axis=0), rotation if rotation @ quaternions[0] >= 0.0 else -rotation])
+def _group_ends(ends: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Group (N,) configurations (N, eta); with the groups' means (G, eta), and the offsets (N, eta) from them."""
+    groups = np.zeros(len(ends), dtype=int)
+    if np.any(np.linalg.norm(ends - ends.mean(axis=0), axis=1) > LARGEST_OFFSET):
+        groups = cluster_modes(ends[:, None])
+    poles = np.stack([ends[groups == group].mean(axis=0) for group in range(groups.max() + 1)])
+    return groups, poles, ends - poles[groups]

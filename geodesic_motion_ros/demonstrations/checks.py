@@ -1,9 +1,9 @@
-"""What recordings of every kind must satisfy, and how they are split."""
+"""Checks that recordings of every kind must pass."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Literal, TypeVar
+from typing import Literal
 
 import numpy as np
 
@@ -11,7 +11,6 @@ from geodesic_motion_ros.utils.errors import DemonstrationError
 
 Abscissa = Literal["arc_length", "time"]
 """What samples can be equally spaced in."""
-Item = TypeVar("Item")
 LATEST_TIME = 1e10
 """Seconds since 1970 are below 2e9; larger times are milliseconds or nanoseconds."""
 
@@ -77,30 +76,3 @@ def check_resampling(samples: int, by: Abscissa) -> None:
         raise DemonstrationError(f"cannot resample to {samples} sample(s); ask for at least 2")
     if by not in ("arc_length", "time"):
         raise DemonstrationError(f"cannot resample by '{by}'; choose 'arc_length' or 'time'")
-
-
-def check_equal_lengths(lengths: Sequence[int]) -> None:
-    """Refuse different numbers of samples: DemonstrationError."""
-    if len(set(lengths)) > 1:
-        raise DemonstrationError(
-            f"demonstrations have between {min(lengths)} and {max(lengths)} samples: resample them first"
-        )
-
-
-def split_items(items: Sequence[Item], held_out: Sequence[int]) -> tuple[tuple[Item, ...], tuple[Item, ...]]:
-    """Split by index into (to train on, held out); DemonstrationError: bad indices, an empty side."""
-    indices = list(held_out)
-    wrong = [index for index in indices if index not in range(len(items))]
-    if wrong:
-        raise DemonstrationError(
-            f"cannot hold out demonstration {wrong[0]}: the {len(items)} are numbered 0 to {len(items) - 1}"
-        )
-    if len(set(indices)) != len(indices):
-        raise DemonstrationError(f"cannot hold out a demonstration twice: {indices}")
-    if not 0 < len(indices) < len(items):
-        raise DemonstrationError(
-            f"cannot hold out {len(indices)} of {len(items)} demonstrations: hold out at least one and "
-            "leave at least one to train on"
-        )
-    kept = tuple(item for index, item in enumerate(items) if index not in indices)
-    return kept, tuple(items[index] for index in indices)

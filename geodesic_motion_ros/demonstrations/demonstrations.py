@@ -4,17 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from typing import Generic, TypeVar
 
 import numpy as np
 
 from geodesic_motion_ros.demonstrations.checks import (
     Abscissa,
-    check_equal_lengths,
     check_resampling,
     check_samples,
     columns,
     increasing_times,
-    split_items,
 )
 from geodesic_motion_ros.geometry.curves import PoseCurve, arc_length, interpolate
 from geodesic_motion_ros.geometry.quaternions import continuous_signs, normalise
@@ -101,20 +100,20 @@ class Demonstration:
         return Demonstration(positions, quaternions, times, self.name)
 
 
+Item = TypeVar("Item")
+Items = TypeVar("Items", bound="DemonstrationSet")
+
+
 @dataclass(frozen=True, eq=False)
-class Demonstrations:
-    """Demonstrations of one task.
+class DemonstrationSet(Generic[Item]):
+    """Demonstrations of one task, of poses or of configurations.
 
     Attributes
     ----------
-    items : at least one Demonstration.
-    frame : name of the frame that positions and orientations are expressed in.
-    has_orientation : False for recordings of positions alone; their quaternions are the identity then.
+    items : at least one.
     """
 
-    items: tuple[Demonstration, ...]
-    frame: str = "base"
-    has_orientation: bool = True
+    items: tuple[Item, ...]
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "items", tuple(self.items))
@@ -124,25 +123,65 @@ class Demonstrations:
     def __len__(self) -> int:
         return len(self.items)
 
-    def __iter__(self) -> Iterator[Demonstration]:
+    def __iter__(self) -> Iterator[Item]:
         return iter(self.items)
 
-    def __getitem__(self, index: int) -> Demonstration:
+    def __getitem__(self, index: int) -> Item:
         return self.items[index]
 
-    def resampled(self, samples: int = 200, by: Abscissa = "arc_length") -> Demonstrations:
-        """All demonstrations at equally many samples; see `Demonstration.resampled`."""
+    def resampled(self: Items, samples: int = 200, by: Abscissa = "arc_length") -> Items:
+        """Resample all demonstrations to equally many samples; see `Demonstration.resampled`."""
         return replace(self, items=tuple(item.resampled(samples, by) for item in self))
+
+    def split(self: Items, held_out: Sequence[int]) -> tuple[Items, Items]:
+        """Split by index into (to train on, held out); DemonstrationError: bad indices, an empty side."""
+        indices = list(held_out)
+        wrong = [index for index in indices if index not in range(len(self))]
+        if wrong:
+            raise DemonstrationError(
+                f"cannot hold out demonstration {wrong[0]}: the {len(self)} are numbered 0 to {len(self) - 1}"
+            )
+        if len(set(indices)) != len(indices):
+            raise DemonstrationError(f"cannot hold out a demonstration twice: {indices}")
+        if not 0 < len(indices) < len(self):
+            raise DemonstrationError(
+                f"cannot hold out {len(indices)} of {len(self)} demonstrations: hold out at least one and "
+                "leave at least one to train on"
+            )
+        kept = tuple(item for index, item in enumerate(self.items) if index not in indices)
+        return replace(self, items=kept), replace(self, items=tuple(self.items[index] for index in indices))
+
+    def stacked(self, name: str) -> np.ndarray:
+        """Stack an array of every demonstration, (N, T, C); DemonstrationError where the numbers of samples differ."""
+        lengths = [len(item) for item in self]
+        if len(set(lengths)) > 1:
+            raise DemonstrationError(
+                f"demonstrations have between {min(lengths)} and {max(lengths)} samples: resample them first"
+            )
+        return np.stack([getattr(item, name) for item in self])
+
+
+@dataclass(frozen=True, eq=False)
+class Demonstrations(DemonstrationSet[Demonstration]):
+    """Demonstrations of one task, as poses of a tool.
+
+    Attributes
+    ----------
+    items : at least one.
+    frame : name of the frame that positions and orientations are expressed in.
+    has_orientation : False for recordings of positions alone; their quaternions are the identity then.
+    """
+
+    frame: str = "base"
+    has_orientation: bool = True
 
     def positions_array(self) -> np.ndarray:
         """Positions (N, T, 3) [m]; DemonstrationError where the numbers of samples differ."""
-        self._check_equal_lengths()
-        return np.stack([item.positions for item in self])
+        return self.stacked("positions")
 
     def quaternions_array(self) -> np.ndarray:
         """Quaternions (N, T, 4); DemonstrationError where the numbers of samples differ."""
-        self._check_equal_lengths()
-        return np.stack([item.quaternions for item in self])
+        return self.stacked("quaternions")
 
     def in_one_hemisphere(self) -> Demonstrations:
         """Flip whole demonstrations (q -> -q, the same rotations) so that all lie on the sheet of the first.
@@ -159,14 +198,6 @@ class Demonstrations:
                 for item, negative in zip(self, flip, strict=True)
             ),
         )
-
-    def split(self, held_out: Sequence[int]) -> tuple[Demonstrations, Demonstrations]:
-        """Split by index into (to train on, held out); DemonstrationError: bad indices, an empty side."""
-        kept, others = split_items(self.items, held_out)
-        return replace(self, items=kept), replace(self, items=others)
-
-    def _check_equal_lengths(self) -> None:
-        check_equal_lengths([len(item) for item in self])
 
 
 def _check_reach(positions: np.ndarray, demonstration: str) -> None:

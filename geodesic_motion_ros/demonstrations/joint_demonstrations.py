@@ -5,22 +5,19 @@ Symbols: eta moving joints; a configuration is a point (eta,) [rad] of joint spa
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from geodesic_motion_ros.demonstrations.checks import (
     Abscissa,
-    check_equal_lengths,
     check_resampling,
     check_samples,
     columns,
     increasing_times,
-    split_items,
 )
-from geodesic_motion_ros.demonstrations.demonstrations import Demonstration, Demonstrations
+from geodesic_motion_ros.demonstrations.demonstrations import Demonstration, Demonstrations, DemonstrationSet
 from geodesic_motion_ros.geometry.curves import arc_length
 from geodesic_motion_ros.geometry.quaternions import continuous_signs
 from geodesic_motion_ros.utils.checked_numbers import LARGEST_TURN
@@ -97,7 +94,7 @@ class JointDemonstration:
 
 
 @dataclass(frozen=True, eq=False)
-class JointDemonstrations:
+class JointDemonstrations(DemonstrationSet[JointDemonstration]):
     """Demonstrations of one task by one arm.
 
     Attributes
@@ -107,15 +104,12 @@ class JointDemonstrations:
     robot : name of the arm, as `Robot.named` knows it.
     """
 
-    items: tuple[JointDemonstration, ...]
     joint_names: tuple[str, ...]
     robot: str
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "items", tuple(self.items))
+        super().__post_init__()
         object.__setattr__(self, "joint_names", tuple(self.joint_names))
-        if not self.items:
-            raise DemonstrationError("no demonstrations: at least one is needed")
         for item in self.items:
             joints = item.configurations.shape[1]
             if joints != len(self.joint_names):
@@ -124,28 +118,9 @@ class JointDemonstrations:
                     f"{', '.join(self.joint_names)}"
                 )
 
-    def __len__(self) -> int:
-        return len(self.items)
-
-    def __iter__(self) -> Iterator[JointDemonstration]:
-        return iter(self.items)
-
-    def __getitem__(self, index: int) -> JointDemonstration:
-        return self.items[index]
-
-    def resampled(self, samples: int = 200, by: Abscissa = "arc_length") -> JointDemonstrations:
-        """All demonstrations at equally many samples; see `JointDemonstration.resampled`."""
-        return replace(self, items=tuple(item.resampled(samples, by) for item in self))
-
     def configurations_array(self) -> np.ndarray:
         """Configurations (N, T, eta) [rad]; DemonstrationError where the numbers of samples differ."""
-        check_equal_lengths([len(item) for item in self])
-        return np.stack([item.configurations for item in self])
-
-    def split(self, held_out: Sequence[int]) -> tuple[JointDemonstrations, JointDemonstrations]:
-        """Split by index into (to train on, held out); DemonstrationError: bad indices, an empty side."""
-        kept, others = split_items(self.items, held_out)
-        return replace(self, items=kept), replace(self, items=others)
+        return self.stacked("configurations")
 
     def tool_demonstrations(self, robot: Robot) -> Demonstrations:
         """The poses of the robot's tool in its base frame, by forward kinematics, with the same names and times.

@@ -1,11 +1,7 @@
-"""From a trained model to a skill: codes, latent box, support and the energy that a feasible path may
-have.
-"""
+"""From a trained model to a skill: codes, latent box, support and the energy that a feasible path may have."""
 
 from __future__ import annotations
 
-import math
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -14,24 +10,15 @@ from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import dijkstra
 from scipy.spatial import cKDTree
 
-from geodesic_motion_ros.demonstrations.canonical import CanonicalDemonstrations, canonical_form, mean_pose
-from geodesic_motion_ros.demonstrations.demonstrations import Demonstrations
-from geodesic_motion_ros.demonstrations.modes import cluster_modes
 from geodesic_motion_ros.geometry.quaternions import angle_between
-from geodesic_motion_ros.learning.settings import TrainingSettings
-from geodesic_motion_ros.learning.task_space import TaskSpaceVAE
+from geodesic_motion_ros.learning.autoencoder import AutoEncoder
+from geodesic_motion_ros.learning.shown_task import Curves, ShownTask
 from geodesic_motion_ros.manifold.decoder import rms_sigma
 from geodesic_motion_ros.manifold.latent_graph import LatentGraph
-from geodesic_motion_ros.manifold.pose_graph import PoseGraph
-from geodesic_motion_ros.manifold.transport import Offsets
-from geodesic_motion_ros.robot.description import DEFAULT_ROBOT, RobotDescription
-from geodesic_motion_ros.skill.regression import regression_penalty
-from geodesic_motion_ros.skill.sheet import CanonicalSheet
+from geodesic_motion_ros.robot.description import RobotDescription
 from geodesic_motion_ros.skill.skill import LearnedModel, Skill
 from geodesic_motion_ros.utils.errors import SkillError
 
-#: Samples of a demonstration whose codes a skill keeps, equally spaced in arc length of the positions.
-CODE_SAMPLES = 100
 #: The support is measured by this percentile of rms sigma on the codes: a few bad samples do not widen it.
 SUPPORT_PERCENTILE = 99.0
 #: An edge may cost this multiple of the dearest edge on the shortest paths between the demonstrations' own
@@ -40,59 +27,41 @@ SUPPORT_PERCENTILE = 99.0
 ENERGY_MULTIPLE = 100.0
 
 
-def assemble_skill(
-    vae: TaskSpaceVAE,
-    demonstrations: Demonstrations,
-    name: str,
-    settings: TrainingSettings,
-    provenance: dict[str, Any],
-    robot: str = DEFAULT_ROBOT,
-) -> Skill:
+def assemble_skill(vae: AutoEncoder, shown: ShownTask, name: str, provenance: dict[str, Any]) -> Skill:
     """Put a trained float64 model and the demonstrations it was trained on together into a calibrated skill.
-
-    Parameters
-    ----------
-    demonstrations : all on one sign sheet, as they were trained on; settings : of the training.
-    robot : that is to do it: the name of a shipped one, or the path of a folder.
 
     Raises
     ------
     SkillError : no demonstration's ends are connected inside the support; of a literal model no two of its nodes.
     RobotError : there is no such robot.
     """
-    described = RobotDescription.named(robot)
-    canonical = None
-    if settings.sheet == "canonical":
-        form = canonical_form(demonstrations, CODE_SAMPLES, settings.rotation_length)
-        canonical, start, goal = canonical_sheet(form), form.start, form.goal
-        positions, quaternions = form.positions, form.quaternions
-    else:
-        even = demonstrations.resampled(CODE_SAMPLES)
-        positions, quaternions = even.positions_array(), even.quaternions_array()
-        start, goal = (mean_pose(positions[:, end], quaternions[:, end]) for end in (0, -1))
-    codes = _encode(vae, positions, quaternions)
-    quality = _reconstruction_quality(vae, codes, positions, quaternions)
-    if demonstrations.has_orientation and canonical is None:
-        codes = np.concatenate([codes, _encode(vae, positions, -quaternions)])
+    described, settings = RobotDescription.named(shown.robot), shown.settings
+    curves, canonical = shown.coded_curves()
+    start, goal = shown.ends(curves)
+    codes = _encode(vae, curves)
+    quality = _reconstruction_quality(vae, codes, curves, shown)
+    if canonical is None and (opposite := shown.opposite(curves)) is not None:
+        codes = np.concatenate([codes, _encode(vae, opposite)])
     flat = codes.reshape(-1, codes.shape[-1])
     border = settings.margin * np.ptp(flat, axis=0)
     decoder = vae.decoder.to_numpy()
     model = LearnedModel(
         name=name,
-        robot=robot,
+        robot=shown.robot,
+        space=shown.space,
         decoder=decoder,
         codes=codes,
         latent_lower=flat.min(axis=0) - border,
         latent_upper=flat.max(axis=0) + border,
-        sigma_support=float(np.percentile(rms_sigma(decoder.uncertainty(flat)[0]), SUPPORT_PERCENTILE)),
+        sigma_support=float(np.percentile(rms_sigma(decoder.decode(flat).sigma), SUPPORT_PERCENTILE)),
         metric=settings.metric,
         canonical=canonical,
-        # Recordings without orientation are learned with one sign only: there are no two clusters.
-        orientation_model=vae.orientation_model if demonstrations.has_orientation else "sign_blind",
+        orientation_model=shown.orientation_model,
     )
+    graph = model.graph()
     return Skill.of(
         model,
-        calibrated_energy_per_edge(model.graph(), codes, whole=settings.schedule != "joint"),
+        dearest_energy(graph, shown.energies(graph), codes, whole=settings.schedule != "joint"),
         start_pose=start,
         goal_pose=goal,
         base_frame=described.base_link,
@@ -103,24 +72,8 @@ def assemble_skill(
     )
 
 
-def canonical_sheet(form: CanonicalDemonstrations) -> CanonicalSheet:
-    """What a skill keeps of canonical demonstrations, with their modes and the regression they speak for."""
-    modes = cluster_modes(form.positions)
-    sheet = CanonicalSheet(
-        form.start_offsets, form.goal_offsets, modes, math.inf, form.positions, form.quaternions, fade=form.fade
-    )
-    # Between modes there is nothing to regress: a mean never averages two modes.
-    return sheet if np.any(modes) else replace(sheet, penalty=regression_penalty(sheet.features(), form.positions))
-
-
-def calibrated_energy_per_edge(graph: PoseGraph, codes: np.ndarray, whole: bool = True) -> float:
-    """Largest squared length of one edge that a feasible path may have; see `dearest_energy`."""
-    still = graph.transported(Offsets.none(graph.mean_path_count), np.zeros((1, 3)))
-    return dearest_energy(graph, still.energies(), codes, whole)
-
-
 def dearest_energy(graph: LatentGraph, energies: np.ndarray, codes: np.ndarray, whole: bool = True) -> float:
-    """Largest squared length of one edge that a feasible path may have.
+    """Choose the largest squared length of one edge that a feasible path may have.
 
     ENERGY_MULTIPLE times the dearest edge of the shortest obstacle-free paths between the first and last code
     of every demonstration, for squared lengths (m,) and codes (N, T, d).
@@ -154,9 +107,7 @@ def _joined_ends(nodes: np.ndarray, components: np.ndarray) -> np.ndarray:
 
 
 def _dearest_step(distances: np.ndarray, before: np.ndarray, ends: np.ndarray) -> float:
-    """Longest edge of the shortest path from ends[0] to ends[1], from Dijkstra's distances and
-    predecessors.
-    """
+    """Longest edge of the shortest path from ends[0] to ends[1], from Dijkstra's distances and predecessors."""
     node, dearest = ends[1], 0.0
     while node != ends[0]:
         dearest = max(dearest, distances[node] - distances[before[node]])
@@ -164,19 +115,18 @@ def _dearest_step(distances: np.ndarray, before: np.ndarray, ends: np.ndarray) -
     return float(dearest)
 
 
-def _encode(vae: TaskSpaceVAE, positions: np.ndarray, quaternions: np.ndarray) -> np.ndarray:
+def _encode(vae: AutoEncoder, curves: Curves) -> np.ndarray:
     with torch.no_grad():
-        return vae.encoder(torch.tensor(positions), torch.tensor(quaternions))[0].numpy()
+        return vae.encoder(*map(torch.tensor, curves))[0].numpy()
 
 
-def _reconstruction_quality(
-    vae: TaskSpaceVAE, codes: np.ndarray, positions: np.ndarray, quaternions: np.ndarray
-) -> dict[str, float]:
-    """How well the training demonstrations come back from their codes."""
+def _reconstruction_quality(vae: AutoEncoder, codes: np.ndarray, curves: Curves, shown: ShownTask) -> dict[str, float]:
+    """How well the tool's poses in the training demonstrations come back from their codes."""
     with torch.no_grad():
         means = vae.decoder.means(torch.tensor(codes))
-    distance = np.linalg.norm(means.positions.numpy() - positions, axis=-1)
-    angle = angle_between(means.quaternions.numpy(), quaternions)
+    positions, quaternions = shown.tool_poses(curves)
+    found, turned = shown.tool_poses(means)
+    distance, angle = np.linalg.norm(found - positions, axis=-1), angle_between(turned, quaternions)
     return {
         "training_position_error_mm": float(1e3 * distance.mean()),
         "training_orientation_error_deg": float(np.degrees(angle.mean())),

@@ -6,25 +6,17 @@ the sheet a strip. On the raw sheet, the paper's, p(z) = N(0, 1).
 
 from __future__ import annotations
 
-from typing import Literal, Protocol
-
 import numpy as np
 import torch
 from torch import Tensor
+
+from geodesic_motion_ros.learning.settings import CommonSettings
 
 #: The canonical sheet runs from -PRIOR_REACH to PRIOR_REACH on the first latent axis.
 PRIOR_REACH = 3.0
 
 
-class PriorSettings(Protocol):
-    """The settings of a training that determine the prior of the latent points."""
-
-    sheet: Literal["canonical", "raw"]
-    latent_dimension: int
-    progress_deviation: float
-
-
-def prior_means(fractions: np.ndarray, settings: PriorSettings) -> np.ndarray:
+def prior_means(fractions: np.ndarray, settings: CommonSettings) -> np.ndarray:
     """Means (n, d) at fractions (n,) of the arc."""
     means = np.zeros((len(fractions), settings.latent_dimension))
     if settings.sheet == "canonical":
@@ -32,7 +24,7 @@ def prior_means(fractions: np.ndarray, settings: PriorSettings) -> np.ndarray:
     return means
 
 
-def prior_variance(settings: PriorSettings) -> Tensor:
+def prior_variance(settings: CommonSettings) -> Tensor:
     """Variances (d,)."""
     variance = torch.ones(settings.latent_dimension)
     if settings.sheet == "canonical":

@@ -13,23 +13,78 @@ from geodesic_motion_ros.utils.checked_numbers import SMALLEST_SCALE
 from geodesic_motion_ros.utils.errors import ParameterError
 
 if TYPE_CHECKING:
-    from geodesic_motion_ros.learning.task_space import OrientationModel
+    from geodesic_motion_ros.learning.autoencoder import OrientationModel
 
 #: The paper has no term of the joints alone; so little is none, and keeps every tensor positive [m].
 _NO_JOINT_WEIGHT = 1e-6
 #: Numbers that may be 0; all others are positive.
-_TASK_MAY_BE_ZERO = {
-    "seed", "blends", "kl_weight", "kl_warm_up", "orientation_weight", "rotation_length", "position_resolution",
-    "angular_resolution", "margin", "metric.sigma_weight",
+_MAY_BE_ZERO = {"seed", "blends", "kl_weight", "kl_warm_up", "margin", "metric.sigma_weight"}
+_POSES_MAY_BE_ZERO = _MAY_BE_ZERO | {
+    "orientation_weight", "rotation_length", "position_resolution", "angular_resolution",
 }  # fmt: skip
-_JOINT_MAY_BE_ZERO = {
-    "seed", "blends", "kl_weight", "kl_warm_up", "volume_weight", "body_sigma", "joint_resolution", "margin",
-    "metric.sigma_weight", "metric.orientation_weight",
+_CONFIGURATIONS_MAY_BE_ZERO = _MAY_BE_ZERO | {
+    "volume_weight", "body_sigma", "joint_resolution", "metric.orientation_weight",
 }  # fmt: skip
 
 
 @dataclass(frozen=True)
-class TrainingSettings:
+class CommonSettings:
+    """Settings that the trainings of both output spaces have.
+
+    Attributes
+    ----------
+    seed : of everything random: initial weights, batches, latent noise, k-means.
+    sheet : "canonical" (endpoint-normalised: start and goal offsets taken out before) or "raw" (the paper's).
+    schedule : "two_stage" or "joint" (the paper's: means and deviations together, after a first half of the steps in
+        which the codes settle so that kernels can be placed on them).
+    latent_dimension : d.
+    hidden : units of the encoder's two hidden layers; the decoder has them in reverse.
+    samples : per demonstration that are trained on, equally spaced along its arc.
+    steps, batch, learning_rate : Adam steps with cosine decay, samples per step, initial rate.
+    kl_weight, kl_warm_up : weight of the divergence in the evidence lower bound (the paper: 1), and the fraction of the
+        steps over which it grows from 0.
+    progress_deviation : of the canonical sheet's prior along the strip.
+    blends : random convex combinations of canonical demonstrations of one mode that are learned besides each. They
+        fill the sheet between the demonstrations: sigma is as small there as on them.
+    fixed_sigma : likelihood scale of coordinates while the means are learned [m] or [rad].
+    kernels : radial-basis kernels, at most; never more than one for two codes.
+    bandwidth_factor : kernel bandwidth over the median distance between neighbouring centres; the paper states none.
+    precision_samples, precision_iterations : latent draws per sample that deviations are fitted on, and at most so many
+        steps of L-BFGS.
+    far_sigma : deviation far from all data [m] or [rad]: the height of the walls, of high ones as its square. The paper
+        states none.
+    margin : free border of the latent box around the codes, as a fraction of its size.
+    """
+
+    seed: int = 0
+    sheet: Literal["canonical", "raw"] = "canonical"
+    schedule: Literal["two_stage", "joint"] = "two_stage"
+    latent_dimension: int = 2
+    hidden: tuple[int, int] = (200, 100)
+    samples: int = 200
+    steps: int = 5000
+    batch: int = 256
+    learning_rate: float = 2e-3
+    kl_weight: float = 0.3
+    kl_warm_up: float = 0.2
+    progress_deviation: float = 0.2
+    blends: int = 2
+    fixed_sigma: float = 0.005
+    kernels: int = 500
+    bandwidth_factor: float = 1.0
+    precision_samples: int = 4
+    precision_iterations: int = 200
+    far_sigma: float = 1.0
+    margin: float = 0.05
+
+    def _check_choices(self, **choices: tuple[str, ...]) -> None:
+        for name, allowed in {"sheet": ("canonical", "raw"), "schedule": ("two_stage", "joint"), **choices}.items():
+            if getattr(self, name) not in allowed:
+                raise ParameterError(f"{name} is {getattr(self, name)!r}; it must be one of {', '.join(allowed)}")
+
+
+@dataclass(frozen=True)
+class TrainingSettings(CommonSettings):
     """Settings of the training of a skill of tool poses.
 
     Kernels, bandwidth, weights of sigma and kappa and the two stages were chosen by measuring on real recordings of
@@ -37,68 +92,30 @@ class TrainingSettings:
 
     Attributes
     ----------
-    seed : of everything random: initial weights, batches, latent noise, k-means.
-    sheet : "canonical" (endpoint-normalised: start and goal offsets taken out before) or "raw" (the paper's).
+    latent_dimension : d, 2 or 3.
     orientation_model : "two_cluster" (one von Mises-Fisher density; q and -q in separate clusters, on the raw sheet
         only) or "sign_blind" (the paper's antipodal mixture). None: sign_blind on the canonical sheet, two_cluster on
         the raw one.
-    schedule : "two_stage" or "joint" (the paper's: means, sigma and kappa together, after a first half of the
-        steps in which the codes settle so that kernels can be placed on them).
-    latent_dimension : d, 2 or 3.
-    hidden : units of the encoder's two hidden layers; the decoder has them in reverse.
-    samples : poses per demonstration that are trained on, equally spaced along its arc.
-    rotation_length : length that a turn of one radian counts in that arc [m]: a tool that turns on the spot
-        is learned too. 0 counts positions only.
-    steps, batch, learning_rate : Adam steps with cosine decay, poses per step, initial rate.
-    position_weight, orientation_weight, kl_weight : beta1, beta2 and the weight of the divergence in
-        beta1 log p(x | z) + beta2 log p(q | z) - kl_weight KL. The paper's evidence lower bound has kl_weight
-        1.
-    progress_deviation : of the canonical sheet's prior along the strip.
-    blends : random convex combinations of canonical demonstrations that are learned besides each demonstration. They
-        fill the sheet between the demonstrations: sigma is as small there as on them.
-    kl_warm_up : fraction of the steps over which the divergence's weight grows from 0.
-    fixed_sigma, fixed_kappa : likelihood scales while the means are learned [m], [1].
-    kernels : radial-basis kernels, at most; never more than one for two codes.
-    bandwidth_factor : kernel bandwidth over the median distance between neighbouring centres; the paper states none.
-    precision_samples : latent draws per pose that sigma and kappa are fitted on.
-    precision_iterations : of L-BFGS, at most.
-    far_sigma, far_kappa : position deviation [m] and concentration far from all data: the floors 1 / far_sigma and
-        far_kappa of their networks, and so the height of the walls, of high ones as far_sigma^2. The paper states none.
+    rotation_length : length that a turn of one radian counts in the arc [m]: a tool that turns on the spot is learned
+        too. 0 counts positions only.
+    position_weight, orientation_weight : beta1, beta2 of the bound beta1 log p(x | z) + beta2 log p(q | z) - kl_weight
+        KL.
+    fixed_kappa : likelihood scale of orientations while the means are learned.
+    far_kappa : concentration far from all data. The paper states none.
     position_resolution, angular_resolution : what a demonstration cannot be more exact than [m], [rad of
         rotation]; added to the residuals, so that a coordinate that never varies (a plane) keeps a finite
         precision. The paper has none: 0.
-    margin : free border of the latent box around the codes, as a fraction of its size.
     metric : weights of the skill's metric; they take no part in the training.
     """
 
-    seed: int = 0
-    sheet: Literal["canonical", "raw"] = "canonical"
     orientation_model: OrientationModel | None = None
-    schedule: Literal["two_stage", "joint"] = "two_stage"
-    latent_dimension: int = 2
-    hidden: tuple[int, int] = (200, 100)
-    samples: int = 200
     rotation_length: float = 0.1
-    steps: int = 5000
-    batch: int = 256
-    learning_rate: float = 2e-3
     position_weight: float = 1.0
     orientation_weight: float = 1.0
-    kl_weight: float = 0.3
-    kl_warm_up: float = 0.2
-    progress_deviation: float = 0.2
-    blends: int = 2
-    fixed_sigma: float = 0.005
     fixed_kappa: float = 1600.0
-    kernels: int = 500
-    bandwidth_factor: float = 1.0
-    precision_samples: int = 4
-    precision_iterations: int = 200
-    far_sigma: float = 1.0
     far_kappa: float = 0.01
     position_resolution: float = 0.001
     angular_resolution: float = 0.01
-    margin: float = 0.05
     metric: MetricSettings = field(default_factory=MetricSettings)
 
     @classmethod
@@ -118,21 +135,14 @@ class TrainingSettings:
     def __post_init__(self) -> None:
         if self.orientation_model is None:
             object.__setattr__(self, "orientation_model", "sign_blind" if self.sheet == "canonical" else "two_cluster")
-        choices = {
-            "sheet": ("canonical", "raw"),
-            "orientation_model": ("two_cluster", "sign_blind"),
-            "schedule": ("two_stage", "joint"),
-        }
-        for name, allowed in choices.items():
-            if getattr(self, name) not in allowed:
-                raise ParameterError(f"{name} is {getattr(self, name)!r}; it must be one of {', '.join(allowed)}")
+        self._check_choices(orientation_model=("two_cluster", "sign_blind"))
         if self.sheet == "canonical" and self.orientation_model != "sign_blind":
             raise ParameterError(
                 "a canonical sheet has no clusters of q and -q: choose orientation_model sign_blind, or sheet raw"
             )
         if self.latent_dimension not in (2, 3):
             raise ParameterError(f"latent_dimension is {self.latent_dimension}; poses are learned in 2 or 3")
-        check_settings(self, self.hidden, self.metric, _TASK_MAY_BE_ZERO)
+        check_settings(self, self.hidden, self.metric, _POSES_MAY_BE_ZERO)
         if not SMALLEST_SCALE <= self.far_kappa < self.fixed_kappa:
             raise ParameterError(
                 f"far_kappa is {self.far_kappa:g}; it must be from {SMALLEST_SCALE:g} to less than fixed_kappa, "
@@ -141,64 +151,31 @@ class TrainingSettings:
 
 
 @dataclass(frozen=True)
-class JointTrainingSettings:
+class JointTrainingSettings(CommonSettings):
     """Settings of the training of a skill of configurations.
 
     Attributes
     ----------
-    seed : of everything random: initial weights, batches, latent noise, k-means.
-    sheet : "canonical" (endpoint-normalised: start and goal offsets taken out before) or "raw" (the paper's).
-    schedule : "two_stage" or "joint" (the paper's: means and sigma together, after a first half of the steps in which
-        the codes settle so that kernels can be placed on them).
     latent_dimension : d, 3 or 2; models of 4 and 5, which make no skill, are for experiments.
-    hidden : units of the encoder's two hidden layers; the decoder has them in reverse.
-    samples : configurations per demonstration that are trained on, equally spaced along its arc.
-    steps, batch, learning_rate : Adam steps with cosine decay, configurations per step, initial rate.
-    kl_weight, kl_warm_up : weight of the divergence in the evidence lower bound (the paper: 1), and the fraction of the
-        steps over which it grows from 0.
     volume_weight : of the change of variables to the body's configurations, log p(theta | z) - volume_weight log V. The
         paper's is 1. Beside body_sigma's term, with sigma fixed, on the canonical sheet it was measured to change next
         to nothing but the time; the default leaves it out.
-    progress_deviation : of the canonical sheet's prior along the strip.
-    blends : random convex combinations of canonical demonstrations of one mode that are learned besides each.
-    fixed_sigma : likelihood scale of the joints while the means are learned [rad].
-    body_sigma : the same of the body's points, through the forward kinematics [m]. What a joint's error does to the
-        tool depends on the joint and the posture; without this term, the paper has none, the tool is off by more. 0
+    body_sigma : likelihood scale of the body's points, through the forward kinematics [m]. What a joint's error does to
+        the tool depends on the joint and the posture; without this term, the paper has none, the tool is off by more. 0
         leaves it out.
-    kernels, bandwidth_factor : radial-basis kernels, at most, and their width over the distance between neighbours. In
-        three dimensions they stand along thin strips, closer than the nodes of the grid: as wide as that distance the
-        support would fall to pieces.
-    precision_samples, precision_iterations : latent draws per configuration that sigma is fitted on, and L-BFGS steps.
-    far_sigma : deviation far from all data [rad]: the height of the walls. The paper states none.
+    bandwidth_factor : in three dimensions kernels stand along thin strips, closer than the nodes of the grid: as wide
+        as that distance the support would fall to pieces.
     joint_resolution : what a demonstration cannot be more exact than [rad]; added to the residuals. The paper has none:
         0.
-    margin : free border of the latent box around the codes, as a fraction of its size.
     metric : weights of the skill's metric; they take no part in the training.
     """
 
-    seed: int = 0
-    sheet: Literal["canonical", "raw"] = "canonical"
-    schedule: Literal["two_stage", "joint"] = "two_stage"
     latent_dimension: int = 3
-    hidden: tuple[int, int] = (200, 100)
-    samples: int = 200
-    steps: int = 5000
-    batch: int = 256
-    learning_rate: float = 2e-3
-    kl_weight: float = 0.3
-    kl_warm_up: float = 0.2
     volume_weight: float = 0.0
-    progress_deviation: float = 0.2
-    blends: int = 2
     fixed_sigma: float = 0.05
     body_sigma: float = 0.003
-    kernels: int = 500
     bandwidth_factor: float = 2.0
-    precision_samples: int = 4
-    precision_iterations: int = 200
-    far_sigma: float = 1.0
     joint_resolution: float = 0.002
-    margin: float = 0.05
     metric: JointMetricSettings = field(default_factory=JointMetricSettings)
 
     @classmethod
@@ -216,12 +193,10 @@ class JointTrainingSettings:
         return cls(**(literal | changes))
 
     def __post_init__(self) -> None:
-        for name, allowed in {"sheet": ("canonical", "raw"), "schedule": ("two_stage", "joint")}.items():
-            if getattr(self, name) not in allowed:
-                raise ParameterError(f"{name} is {getattr(self, name)!r}; it must be one of {', '.join(allowed)}")
+        self._check_choices()
         if self.latent_dimension not in (2, 3, 4, 5):
             raise ParameterError(f"latent_dimension is {self.latent_dimension}; configurations are learned in 2 to 5")
-        check_settings(self, self.hidden, self.metric, _JOINT_MAY_BE_ZERO)
+        check_settings(self, self.hidden, self.metric, _CONFIGURATIONS_MAY_BE_ZERO)
 
 
 def check_settings(settings: Any, hidden: tuple[int, ...], metric: Any, may_be_zero: Collection[str]) -> None:

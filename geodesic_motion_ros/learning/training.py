@@ -1,4 +1,4 @@
-"""From demonstrations to a skill: how the task-space model is trained.
+"""From demonstrations to a skill: how the model of an output space is trained, of poses as of configurations.
 
 Two stages (default). The means first, under fixed likelihood scales: learning precisions at the same time
 lets the model explain a demonstration away as noise. Then the latent space stays as it is, kernels are placed
@@ -6,7 +6,7 @@ on the codes by k-means, and sigma and kappa are fitted by maximum likelihood, a
 optima. The paper's literal joint training is kept as `schedule="joint"`.
 
 On the canonical sheet (default) endpoint-normalised demonstrations are learned (`demonstrations.canonical`), and
-the prior tells how far along them a pose is (`progress_prior`). The raw sheet, the paper's, is learned from the
+the prior tells how far along them a sample is (`progress_prior`). The raw sheet, the paper's, is learned from the
 demonstrations as they are, with the prior N(0, 1).
 """
 
@@ -14,233 +14,190 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import asdict
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 import torch
 from torch import Tensor
 
-from geodesic_motion_ros.demonstrations.canonical import along_arc, canonical_form
 from geodesic_motion_ros.demonstrations.demonstrations import Demonstrations
-from geodesic_motion_ros.demonstrations.modes import blend_weights, cluster_modes
+from geodesic_motion_ros.demonstrations.joint_demonstrations import JointDemonstrations
+from geodesic_motion_ros.learning.autoencoder import AutoEncoder, FixedPrecisions, Precisions
 from geodesic_motion_ros.learning.calibration import assemble_skill
 from geodesic_motion_ros.learning.densities import divergence_from_normal
+from geodesic_motion_ros.learning.likelihoods import Likelihood, Samples
 from geodesic_motion_ros.learning.networks import RadialBasisNetwork, kernel_rate, place_centres
 from geodesic_motion_ros.learning.optimisation import Progress, descend, drawn_rows, minimise, one_seeded_thread
 from geodesic_motion_ros.learning.progress_prior import prior_means, prior_variance
-from geodesic_motion_ros.learning.settings import TrainingSettings
-from geodesic_motion_ros.learning.task_space import FixedPrecisions, Means, Precisions, TaskSpaceVAE
-from geodesic_motion_ros.robot.description import DEFAULT_ROBOT
-from geodesic_motion_ros.skill.skill import Skill
+from geodesic_motion_ros.learning.settings import CommonSettings
+from geodesic_motion_ros.learning.shown_task import Curves, ShownConfigurations, ShownPoses
+from geodesic_motion_ros.skill.skill import GRID_SHAPES, Skill
+from geodesic_motion_ros.utils.errors import ParameterError
+
+_SHOWN = {Demonstrations: ShownPoses, JointDemonstrations: ShownConfigurations}
 
 
-class Poses(NamedTuple):
-    """Training poses: positions (n, p) [m], unit quaternions (n, o), and the means (n, d) of their prior."""
-
-    positions: Tensor
-    quaternions: Tensor
-    prior_means: Tensor
-
-    def take(self, index: Tensor) -> Poses:
-        return Poses(*(values[index] for values in self))
-
-
-def train_task_space_skill(
-    demonstrations: Demonstrations,
-    settings: TrainingSettings | None = None,
+def train_skill(
+    demonstrations: Demonstrations | JointDemonstrations,
+    settings: CommonSettings | None = None,
     name: str = "skill",
     progress: Progress | None = None,
     provenance: dict[str, Any] | None = None,
-    robot: str = DEFAULT_ROBOT,
+    robot: str | None = None,
 ) -> Skill:
     """Learn a skill from demonstrations of one task: train, then calibrate support and feasibility.
 
-    Every orientation is learned with both signs, unless the recordings have no orientation.
-
     Parameters
     ----------
-    settings : None for the defaults. progress : called as progress(stage, step, steps).
-    provenance : what to say of the data (source, licence); seed, settings and demonstrations' names are
-        added.
-    robot : that is to do it: the name of a shipped one, or the path of a folder.
+    settings : of the demonstrations' output space; None for the defaults.
+    progress : called as progress(stage, step, steps).
+    provenance : what to say of the data (source, licence); seed, settings and demonstrations' names are added.
+    robot : that is to do it: the name of a shipped one, or the path of a folder. None: of poses the default one, of
+        configurations the one that was recorded.
 
     Raises
     ------
-    DemonstrationError : a demonstration that does not move.
+    ParameterError : more latent dimensions than a skill's graph can have.
+    DemonstrationError : a demonstration that does not move, or demonstrations that have no form in common.
     SkillError : the model that came out is unusable (see `assemble_skill`).
+    RobotError : there is no such robot.
     """
-    settings = settings or TrainingSettings()
-    aligned = demonstrations.in_one_hemisphere()
-    positions, quaternions = training_poses(aligned, settings)
-    fractions = np.tile(np.linspace(0.0, 1.0, settings.samples), len(positions) // settings.samples)
-    if aligned.has_orientation:
-        positions = np.concatenate([positions, positions])
-        quaternions = np.concatenate([quaternions, -quaternions])
-        fractions = np.tile(fractions, 2)
-    vae = train_model(positions, quaternions, fractions, settings, progress)
-    described = {"demonstrations": [item.name for item in aligned], "frame": aligned.frame}
-    described |= {"seed": settings.seed, "settings": asdict(settings)} | (provenance or {})
-    return assemble_skill(vae, aligned, name, settings, described, robot)
+    shown = _SHOWN[type(demonstrations)](demonstrations, settings, robot)
+    if shown.settings.latent_dimension not in GRID_SHAPES:
+        raise ParameterError(f"latent_dimension is {shown.settings.latent_dimension}; a skill's graph has 2 or 3")
+    vae = train_model(shown.learned_curves(), shown.likelihood, progress)
+    described = {"demonstrations": shown.names, "frame": shown.frame}
+    described |= {"seed": shown.settings.seed, "settings": asdict(shown.settings)} | (provenance or {})
+    return assemble_skill(vae, shown, name, described)
 
 
-def training_poses(demonstrations: Demonstrations, settings: TrainingSettings) -> tuple[np.ndarray, np.ndarray]:
-    """Poses (N samples, 3) [m] and (N samples, 4), equally spaced along each demonstration's arc, one after the other.
-
-    The arc counts turning as well (`curves.pose_arc_length`): with positions alone, a tool that turns nearly on the
-    spot would leave gaps of ten degrees and more between neighbouring samples.
-    """
-    if settings.sheet == "canonical":
-        canonical = canonical_form(demonstrations, settings.samples, settings.rotation_length)
-        positions, quaternions = canonical.blended(
-            blend_weights(cluster_modes(canonical.positions), settings.blends, settings.seed)
-        )
-        positions = np.concatenate([canonical.positions, positions])
-        quaternions = np.concatenate([canonical.quaternions, quaternions])
-        return positions.reshape(-1, 3), quaternions.reshape(-1, 4)
-    curves = [along_arc(item, settings.samples, settings.rotation_length) for item in demonstrations]
-    return np.concatenate([positions for positions, _ in curves]), np.concatenate([turns for _, turns in curves])
-
-
-def train_model(
-    positions: np.ndarray,
-    quaternions: np.ndarray,
-    fractions: np.ndarray,
-    settings: TrainingSettings,
-    progress: Progress | None = None,
-) -> TaskSpaceVAE:
-    """Train the auto-encoder on poses; the result is float64, frozen and reproducible bit by bit from the
-    seed.
+def train_model(curves: Curves, likelihood: Likelihood, progress: Progress | None = None) -> AutoEncoder:
+    """Train the auto-encoder; the result is float64, frozen and reproducible bit by bit from the seed.
 
     Parameters
     ----------
-    positions, quaternions : (n, 3) [m] and (n, 4) unit, exactly as they are to be learned (with both signs of
-        each quaternion if both are wanted); for the paper's toy (n, 2) and directions (n, 3).
-    fractions : (n,) of the arc where they lie; the raw sheet's prior does not look at them.
+    curves : equally spaced along their arcs, exactly as they are to be learned: positions (C, T, 3) [m] and unit
+        quaternions (C, T, 4), with both signs of each if both are wanted, or configurations (C, T, eta) [rad] alone;
+        for the paper's toy (C, T, 2) and directions (C, T, 3).
+    likelihood : of their samples, with the settings of the training.
     """
+    settings = likelihood.settings
+    fractions = np.tile(np.linspace(0.0, 1.0, curves[0].shape[1]), len(curves[0]))
+    coordinates, *directions = (values.reshape(-1, values.shape[-1]) for values in curves)
     with one_seeded_thread(settings.seed):
-        offset, scale = _position_scaling(positions)
-        vae = TaskSpaceVAE(
-            settings.latent_dimension, settings.hidden, offset, scale, settings.orientation_model, quaternions.shape[1]
+        scaling = _scaling(coordinates)
+        vae = AutoEncoder(
+            settings.latent_dimension, settings.hidden, *scaling, likelihood.orientation_model,
+            sum(values.shape[1] for values in directions),
+        )  # fmt: skip
+        points = likelihood.points(coordinates)
+        samples = Samples(
+            torch.tensor(coordinates).float(),
+            torch.tensor(directions[0]).float() if directions else None,
+            None if points is None else points.float(),
+            torch.tensor(prior_means(fractions, settings)).float(),
         )
-        means = prior_means(fractions, settings)
-        poses = Poses(*(torch.tensor(values).float() for values in (positions, quaternions, means)))
-        if settings.orientation_model == "sign_blind":
-            _start_on_one_side(vae, poses)
+        if likelihood.orientation_model == "sign_blind":
+            _start_on_one_side(vae, samples)
         if settings.schedule == "joint":
-            _fit_jointly(vae, poses, settings, progress)
+            _fit_jointly(vae, samples, likelihood, progress)
         else:
-            fixed = FixedPrecisions(settings.fixed_sigma, settings.fixed_kappa)
-            _ascend(vae, poses, fixed, settings.steps, "means", settings, progress)
+            _ascend(vae, samples, _fixed_precisions(likelihood), settings.steps, "means", likelihood, progress)
             vae.double()
-            _fit_precisions(vae, Poses(*(values.double() for values in poses)), settings, progress)
+            _fit_precisions(vae, samples.double(), likelihood, progress)
         return vae.double().requires_grad_(False)
 
 
-def _position_scaling(positions: np.ndarray) -> tuple[Tensor, Tensor]:
+def _scaling(coordinates: np.ndarray) -> tuple[Tensor, Tensor]:
     """Mean (p,) and root mean square distance from it over sqrt p (): one scalar keeps proportions."""
-    offset = positions.mean(axis=0)
-    return torch.tensor(offset).float(), torch.tensor(np.sqrt(np.mean((positions - offset) ** 2))).float()
+    offset = coordinates.mean(axis=0)
+    return torch.tensor(offset).float(), torch.tensor(np.sqrt(np.mean((coordinates - offset) ** 2))).float()
 
 
-def _start_on_one_side(vae: TaskSpaceVAE, poses: Poses) -> None:
+def _start_on_one_side(vae: AutoEncoder, samples: Samples) -> None:
     """Begin with a decoder whose quaternions all lie about the orientations' principal axis, for the mixture.
 
     The antipodal mixture pulls the decoder to the nearer of q and -q: from a random start parts of one motion end up on
     opposite sheets, with a seam between them.
     """
-    axis = torch.linalg.eigh(poses.quaternions.T @ poses.quaternions).eigenvectors[:, -1]
+    axis = torch.linalg.eigh(samples.directions.T @ samples.directions).eigenvectors[:, -1]
     with torch.no_grad():
         vae.decoder.perceptron.layers[-1].bias[-len(axis) :] = axis
 
 
+def _fixed_precisions(likelihood: Likelihood) -> FixedPrecisions:
+    at_data = None if likelihood.kappa is None else likelihood.kappa[0]
+    return FixedPrecisions(likelihood.settings.fixed_sigma, at_data)
+
+
 def _ascend(
-    vae: TaskSpaceVAE,
-    poses: Poses,
+    vae: AutoEncoder,
+    samples: Samples,
     precisions: Callable[[Tensor], Precisions],
     steps: int,
     stage: str,
-    settings: TrainingSettings,
+    likelihood: Likelihood,
     progress: Progress | None,
 ) -> None:
     """Climb the weighted evidence lower bound over every parameter the model has now."""
+    settings = likelihood.settings
     variance = prior_variance(settings)
 
     def loss(step: int) -> Tensor:
-        batch = poses.take(torch.randint(len(poses.positions), (settings.batch,)))
-        latent, mean, log_variance = vae.sample(batch.positions, batch.quaternions)
+        batch = samples.take(torch.randint(len(samples.coordinates), (settings.batch,)))
+        latent, mean, log_variance = vae.sample(batch.coordinates, batch.directions)
         divergence = divergence_from_normal(mean, log_variance, batch.prior_means, variance)
-        likelihood = _log_likelihood(vae, batch, vae.decoder.means(latent), precisions(latent), settings)
+        density = likelihood.bound_log_density(vae, batch, vae.decoder.means(latent), precisions(latent))
         warm = min(1.0, step / max(1.0, settings.kl_warm_up * steps))
-        return (warm * settings.kl_weight * divergence - likelihood).mean()
+        return (warm * settings.kl_weight * divergence - density).mean()
 
     descend(loss, vae.parameters(), steps, settings.learning_rate, stage, progress)
 
 
-def _log_likelihood(
-    vae: TaskSpaceVAE, poses: Poses, means: Means, precisions: Precisions, settings: TrainingSettings
-) -> Tensor:
-    """beta1 log p(x | z) + beta2 log p(q | z), (n,), in expectation over errors of the recording's
-    resolution.
-    """
-    inverse_sigma = precisions.inverse_sigma.expand_as(poses.positions)
-    position = vae.position_log_density(poses.positions, means, precisions)
-    position = position - 0.5 * settings.position_resolution**2 * (inverse_sigma**2).sum(-1)
-    # A rotation by an angle moves its quaternion by half of it; on S^3 there are three independent axes.
-    axes = poses.quaternions.shape[-1] - 1
-    orientation = vae.orientation_log_density(poses.quaternions, means, precisions)
-    orientation = orientation - 0.5 * axes * (0.5 * settings.angular_resolution) ** 2 * precisions.kappa
-    return settings.position_weight * position + settings.orientation_weight * orientation
-
-
-def _fit_jointly(vae: TaskSpaceVAE, poses: Poses, settings: TrainingSettings, progress: Progress | None) -> None:
-    first = max(1, settings.steps // 2)
-    fixed = FixedPrecisions(settings.fixed_sigma, settings.fixed_kappa)
-    _ascend(vae, poses, fixed, first, "codes settle", settings, progress)
-    networks = _basis_networks(vae, poses, settings)
+def _fit_jointly(vae: AutoEncoder, samples: Samples, likelihood: Likelihood, progress: Progress | None) -> None:
+    steps = likelihood.settings.steps
+    first = max(1, steps // 2)
+    _ascend(vae, samples, _fixed_precisions(likelihood), first, "codes settle", likelihood, progress)
+    networks = _basis_networks(vae, samples, likelihood)
     for network in networks:
-        # Both begin as the codes have settled under: a jump of the likelihood would throw them about.
-        network.start_level(vae.encoder(poses.positions, poses.quaternions)[0])
+        # They begin as the codes have settled under: a jump of the likelihood would throw them about.
+        network.start_level(vae.encoder(samples.coordinates, samples.directions)[0])
     vae.decoder.set_precisions(*networks)
-    _ascend(vae, poses, vae.decoder.precisions, settings.steps - first, "joint", settings, progress)
+    _ascend(vae, samples, vae.decoder.precisions, steps - first, "joint", likelihood, progress)
 
 
-def _basis_networks(
-    vae: TaskSpaceVAE, poses: Poses, settings: TrainingSettings
-) -> tuple[RadialBasisNetwork, RadialBasisNetwork]:
-    """Networks for 1 / sigma and kappa with kernels on the present codes, in the precision of the poses."""
+def _basis_networks(vae: AutoEncoder, samples: Samples, likelihood: Likelihood) -> list[RadialBasisNetwork]:
+    """Networks for 1 / sigma, and kappa if there is one, with kernels on the present codes, in their precision."""
+    settings, like = likelihood.settings, {"dtype": samples.coordinates.dtype}
     with torch.no_grad():
-        codes = vae.encoder(poses.positions, poses.quaternions)[0].double().numpy()
+        codes = vae.encoder(samples.coordinates, samples.directions)[0].double().numpy()
     centres = place_centres(codes, settings.kernels, settings.seed)
-    like = {"dtype": poses.positions.dtype}
-    centre, rate = (
-        torch.tensor(centres, **like),
-        torch.tensor(kernel_rate(centres, codes, settings.bandwidth_factor), **like),
-    )
-    coordinates = poses.positions.shape[1]
-    sigma_floor = torch.full((coordinates,), 1.0 / settings.far_sigma, **like)
-    sigma_scale = torch.full((coordinates,), 1.0 / settings.fixed_sigma, **like)
-    kappa_floor = torch.tensor([settings.far_kappa], **like)
-    kappa_scale = torch.tensor([settings.fixed_kappa], **like)
-    return (
-        RadialBasisNetwork(centre, rate, sigma_floor, sigma_scale),
-        RadialBasisNetwork(centre, rate, kappa_floor, kappa_scale),
-    )
+    centre = torch.tensor(centres, **like)
+    rate = torch.tensor(kernel_rate(centres, codes, settings.bandwidth_factor), **like)
+    # Of each network its outputs, and their values at the data and far from it.
+    wanted = [(samples.coordinates.shape[1], 1.0 / settings.fixed_sigma, 1.0 / settings.far_sigma)]
+    if likelihood.kappa is not None:
+        wanted.append((1, *likelihood.kappa))
+    return [
+        RadialBasisNetwork(centre, rate, torch.full((outputs,), far, **like), torch.full((outputs,), at_data, **like))
+        for outputs, at_data, far in wanted
+    ]
 
 
-def _fit_precisions(vae: TaskSpaceVAE, poses: Poses, settings: TrainingSettings, progress: Progress | None) -> None:
+def _fit_precisions(vae: AutoEncoder, samples: Samples, likelihood: Likelihood, progress: Progress | None) -> None:
     """Maximum likelihood of sigma and kappa with the means frozen and z ~ q(z | x, q) drawn once."""
-    inverse_sigma, kappa = _basis_networks(vae, poses, settings)
-    vae.decoder.set_precisions(inverse_sigma, kappa)
-    drawn = drawn_rows(len(poses.positions), settings.precision_samples)
-    repeated = Poses(*(values[drawn] for values in poses))
+    settings, decoder = likelihood.settings, vae.decoder
+    networks = _basis_networks(vae, samples, likelihood)
+    decoder.set_precisions(*networks)
+    drawn = samples.take(drawn_rows(len(samples.coordinates), settings.precision_samples))
     with torch.no_grad():
-        latent, _, _ = vae.sample(repeated.positions, repeated.quaternions)
-        means = vae.decoder.means(latent)
-        activations = inverse_sigma.activations(latent)
+        latent, _, _ = vae.sample(drawn.coordinates, drawn.directions)
+        means = decoder.means(latent)
+        activations = networks[0].activations(latent)
 
     def negative_log_likelihood() -> Tensor:
-        precisions = Precisions(inverse_sigma.combine(activations), kappa.combine(activations)[..., 0])
-        return -_log_likelihood(vae, repeated, means, precisions, settings).mean()
+        return -likelihood.log_density(vae, drawn, means, decoder.combined_precisions(activations)).mean()
 
-    parameters = [inverse_sigma.raw_weights, kappa.raw_weights]
-    minimise(negative_log_likelihood, parameters, settings.precision_iterations, "sigma and kappa", progress)
+    stage = "sigma" if likelihood.kappa is None else "sigma and kappa"
+    weights = [network.raw_weights for network in networks]
+    minimise(negative_log_likelihood, weights, settings.precision_iterations, stage, progress)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from geodesic_motion_ros.learning.optimisation import MOST_DRAWN
-from geodesic_motion_ros.learning.settings import JointTrainingSettings, TrainingSettings
+from geodesic_motion_ros.learning.settings import CommonSettings
 
 
 @dataclass(frozen=True)
@@ -24,12 +24,10 @@ class Workload:
     fitted: int
     kernels: int
     memory: int
-    settings: TrainingSettings | JointTrainingSettings
+    settings: CommonSettings
 
     @classmethod
-    def of(
-        cls, demonstrations: int, settings: TrainingSettings | JointTrainingSettings, signs: int = 1
-    ) -> Workload:
+    def of(cls, demonstrations: int, settings: CommonSettings, signs: int = 1) -> Workload:
         """The size of a training on so many demonstrations; signs : 2 where q and -q are both learned."""
         curves = demonstrations * (1 + settings.blends if settings.sheet == "canonical" else 1)
         samples = signs * curves * settings.samples

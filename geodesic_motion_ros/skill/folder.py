@@ -11,21 +11,14 @@ from typing import Any
 
 import numpy as np
 
-from geodesic_motion_ros.manifold.configuration_graph import JointMetricSettings
-from geodesic_motion_ros.manifold.decoder import TaskSpaceDecoder
-from geodesic_motion_ros.manifold.encoder import JointSpaceEncoder, TaskSpaceEncoder
-from geodesic_motion_ros.manifold.joint_decoder import JointSpaceDecoder
-from geodesic_motion_ros.manifold.pose_graph import MetricSettings
 from geodesic_motion_ros.robot.description import robot_folder, shipped_robots
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.skill.description import DESCRIPTION, LATENT, METADATA, WEIGHTS, check_description
-from geodesic_motion_ros.skill.joint_sheet import JointSheet
-from geodesic_motion_ros.skill.sheet import CanonicalSheet
+from geodesic_motion_ros.skill.sheet import DemonstratedEnds
+from geodesic_motion_ros.skill.space import SPACES, SkillSpace
 from geodesic_motion_ros.utils.checked_files import opened, read_arrays, read_tensors, read_yaml
 from geodesic_motion_ros.utils.checked_numbers import (
-    ARM_REACH,
     LARGEST_CODE,
-    LARGEST_TURN,
     SMALLEST_BOX,
     check_array,
     check_pose,
@@ -33,17 +26,8 @@ from geodesic_motion_ros.utils.checked_numbers import (
 )
 from geodesic_motion_ros.utils.errors import GeodesicMotionError, SkillError
 
-#: Arrays of latent.npz, and by the space those of the canonical, endpoint-normalised, demonstrations.
+#: Arrays of latent.npz, beside those of the canonical demonstrations.
 LATENT_ARRAYS = ("codes", "latent_lower", "latent_upper", "start_pose", "goal_pose")
-_ENDS = ("start_offsets", "goal_offsets", "modes")
-CANONICAL_ARRAYS = {
-    "task": (*_ENDS, "positions", "quaternions"),
-    "joint": (*_ENDS, "configurations", "start_groups", "goal_groups", "start_poles", "goal_poles"),
-}
-
-_NETWORKS = {"task": (TaskSpaceDecoder, TaskSpaceEncoder), "joint": (JointSpaceDecoder, JointSpaceEncoder)}
-_METRICS = {"task": MetricSettings, "joint": JointMetricSettings}
-_SHEETS = {"task": CanonicalSheet, "joint": JointSheet}
 #: Sizes of the files [B]. Those of 16 demonstrations and a whole arm take 1.6 kB, 0.4 MB and 0.1 MB.
 LARGEST_DESCRIPTION = 64 << 10
 _LARGEST = {DESCRIPTION: LARGEST_DESCRIPTION, WEIGHTS: 16 << 20, LATENT: 16 << 20}
@@ -69,8 +53,8 @@ def read_folder(path: Path) -> dict[str, Any]:
         content[name] = _content(path, name)
         if hashlib.sha256(content[name]).hexdigest() != digest:
             raise SkillError(f"{path}: {name} differs from its checksum in {DESCRIPTION}: truncated or altered")
-    space = described["space"]
-    attributes = {name: described[name] for name in METADATA} | {"metric": _METRICS[space](**described["metric"])}
+    space = SPACES[described["space"]]
+    attributes = {name: described[name] for name in METADATA} | {"metric": space.metric(**described["metric"])}
     attributes["scene"] = described.get("scene")
     with _about(path / WEIGHTS):
         attributes |= _networks(content[WEIGHTS], space, joints)
@@ -112,19 +96,18 @@ def _about(file: Path) -> Iterator[None]:
         raise SkillError(f"{file}: {error}") from error
 
 
-def _networks(content: bytes, space: str, joints: int) -> dict[str, Any]:
+def _networks(content: bytes, space: SkillSpace, joints: int) -> dict[str, Any]:
     """Decoder, and the encoder's weights by their names: none, or all that an encoder has."""
     weights = read_tensors(content)
-    decoder_type, encoder_type = _NETWORKS[space]
-    decoder = decoder_type.from_arrays(_with_prefix(weights, "decoder."))
+    decoder = space.decoder.from_arrays(_with_prefix(weights, "decoder."))
     d = decoder.latent_dimension
     if d not in _DIMENSIONS:
         raise SkillError(f"the decoder is of {d} latent dimensions; it must be of {' or '.join(map(str, _DIMENSIONS))}")
-    if space == "joint" and decoder.joints != joints:
+    if space.has_joints and decoder.joints != joints:
         raise SkillError(f"the decoder is of {decoder.joints} joints; the robot has {joints}")
     encoder = _with_prefix(weights, "encoder.")
     if encoder:
-        outputs = encoder_type.from_arrays(encoder).b3.size
+        outputs = space.encoder.from_arrays(encoder).b3.size
         if outputs != d:
             raise SkillError(f"the encoder is of {outputs} latent dimensions; the decoder of {d}")
     return {"decoder": decoder, "encoder_arrays": encoder}
@@ -159,22 +142,22 @@ def _latent(arrays: dict[str, np.ndarray], d: int) -> dict[str, np.ndarray]:
 
 def _canonical(
     arrays: dict[str, np.ndarray], described: dict[str, Any], codes: np.ndarray, joints: int
-) -> CanonicalSheet | JointSheet | None:
+) -> DemonstratedEnds | None:
     """The canonical demonstrations of codes (N, S, d); None on the raw sheet."""
     if described["sheet"] == "raw":
         return None
-    space = described["space"]
-    named = {name: f"canonical_{name}" for name in CANONICAL_ARRAYS[space]}
+    space = SPACES[described["space"]]
+    named = {name: f"canonical_{name}" for name in space.canonical_arrays}
     for name in named.values():
         if name not in arrays:
             raise SkillError(f"lacks {name}; the canonical sheet needs {', '.join(named.values())}")
-    sheet = _SHEETS[space](
+    sheet = space.sheet(
         **{name: arrays[stored] for name, stored in named.items()},
         penalty=float(described["regression_penalty"]),
         # Offsets of skills of earlier releases fade linearly.
         fade=float(described.get("offset_fade", 1.0)),
     )
-    if space == "joint":
+    if space.has_joints:
         count = (0, *sheet.configurations.shape)[-1]
         if count != joints:
             raise SkillError(f"the canonical sheet is of {count} joints; the robot has {joints}")
@@ -182,16 +165,13 @@ def _canonical(
     return sheet
 
 
-def _check_decoded(decoder: TaskSpaceDecoder | JointSpaceDecoder, codes: np.ndarray, space: str) -> None:
+def _check_decoded(decoder: Any, codes: np.ndarray, space: SkillSpace) -> None:
     """Refuse a decoder that makes of the demonstrations' codes what no arm can do."""
     flat = codes.reshape(-1, codes.shape[-1])
     decoded = decoder.decode(flat[:: -(-len(flat) // _TRIED_CODES)])
-    what, values, largest = (
-        ("joint angle [rad]", decoded.configurations, LARGEST_TURN) if space == "joint"
-        else ("tool position [m]", decoded.positions, ARM_REACH)
-    )  # fmt: skip
-    farthest = float(np.abs(values).max())
-    if not farthest <= largest:
+    farthest = float(np.abs(getattr(decoded, space.coordinates)).max())
+    if not farthest <= space.farthest:
         raise SkillError(
-            f"the decoder makes of the demonstrations' codes a {what} of {farthest:.4g}; none is beyond {largest:.3g}"
+            f"the decoder makes of the demonstrations' codes a {space.coordinate} of {farthest:.4g}; "
+            f"none is beyond {space.farthest:.3g}"
         )

@@ -1,4 +1,4 @@
-"""CanonicalSheet: what a skill of poses knows, beside codes, of the demonstrations that it was learned from.
+"""Sheets: what a skill knows, beside codes, of the demonstrations that it was learned from, of poses or configurations.
 
 These are canonical: endpoint-normalised, with start and goal offsets taken out (`demonstrations.canonical`). The
 planner carries the decoded nodes to a query with the query's own offsets. Here stands how far offsets were
@@ -8,7 +8,8 @@ demonstrated, where the mean paths of the modes run, and what the demonstrations
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from abc import ABC, abstractmethod
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -16,8 +17,9 @@ import numpy as np
 from geodesic_motion_ros.geometry.convex_hull import beyond_hull
 from geodesic_motion_ros.geometry.quaternions import continuous_signs, mean_rotation, rotate_by, rotation_vector_between
 from geodesic_motion_ros.manifold.decoder import TaskSpaceDecoder
+from geodesic_motion_ros.manifold.joint_decoder import JointSpaceDecoder
 from geodesic_motion_ros.manifold.mean_path import MeanPaths
-from geodesic_motion_ros.skill.regression import regression_weights
+from geodesic_motion_ros.skill.regression import regression_penalty, regression_weights
 from geodesic_motion_ros.utils.checked_files import brief
 from geodesic_motion_ros.utils.checked_numbers import ARM_REACH, LARGEST_TURN, check_array, check_range, check_unit
 from geodesic_motion_ros.utils.errors import SkillError
@@ -29,7 +31,7 @@ POSE_SCALE = np.repeat([1.0, METRES_PER_RADIAN], 3)
 
 
 @dataclass(frozen=True)
-class DemonstratedEnds:
+class DemonstratedEnds(ABC):
     """The starts and goals of N demonstrations, as offsets from the common ones, and the mode of each.
 
     Attributes
@@ -46,6 +48,25 @@ class DemonstratedEnds:
     modes: np.ndarray
     penalty: float
     fade: float = field(default=1.0, kw_only=True)
+
+    @property
+    @abstractmethod
+    def curves(self) -> tuple[np.ndarray, ...]:
+        """The canonical demonstrations, arrays (N, S, ...): positions [m] and quaternions, or configurations [rad]."""
+
+    @abstractmethod
+    def check(self, count: int, samples: int) -> None:
+        """Refuse arrays that do not belong to codes of `count` demonstrations with `samples` each (SkillError)."""
+
+    @abstractmethod
+    def mean_curves(self, weights: np.ndarray) -> tuple[np.ndarray, ...]:
+        """Average the canonical demonstrations with weights (K, N): arrays (K, S, ...) like those of `curves`."""
+
+    def with_regression(self) -> DemonstratedEnds:
+        """Choose the regression that the demonstrations speak for; between modes, which no mean averages, none."""
+        if np.any(self.modes):
+            return self
+        return replace(self, penalty=regression_penalty(self.features(), self.curves[0]))
 
     def check_arrays(self, shapes: dict[str, tuple[int, ...]]) -> None:
         """Refuse arrays of other shapes, with values that are not finite or that no arm moves by (SkillError)."""
@@ -117,7 +138,6 @@ class CanonicalSheet(DemonstratedEnds):
     quaternions: np.ndarray
 
     def check(self, count: int, samples: int) -> None:
-        """Refuse arrays that do not belong to codes of `count` demonstrations with `samples` each (SkillError)."""
         self.check_arrays({
             "positions": (count, samples, 3), "quaternions": (count, samples, 4),
             "start_offsets": (count, 6), "goal_offsets": (count, 6),
@@ -133,8 +153,11 @@ class CanonicalSheet(DemonstratedEnds):
         """Rotations count in metres."""
         return POSE_SCALE
 
-    def mean_curves(self, weights: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Weighted means of the canonical demonstrations: positions (K, S, 3), quaternions (K, S, 4)."""
+    @property
+    def curves(self) -> tuple[np.ndarray, ...]:
+        return self.positions, self.quaternions
+
+    def mean_curves(self, weights: np.ndarray) -> tuple[np.ndarray, ...]:
         return np.einsum("kn,nsj->ksj", weights, self.positions), self._rotations.blended(weights)
 
     @cached_property
@@ -148,6 +171,54 @@ class CanonicalSheet(DemonstratedEnds):
         decoded = decoder.decode(mean_paths.centres.reshape(-1, dimension))
         turns = rotation_vector_between(decoded.quaternions.reshape(count, samples, 4), quaternions)
         return np.concatenate([positions - decoded.positions.reshape(count, samples, 3), turns], axis=-1)
+
+
+@dataclass(frozen=True)
+class JointSheet(DemonstratedEnds):
+    """The N endpoint-normalised demonstrations of a skill of configurations, and how far each was moved for that.
+
+    They are sampled at S equally spaced fractions of their arcs, as their codes are. Offsets are displacements of the
+    eta joints [rad]. Several families of configurations may start from, or end at, different configurations that hold
+    the tool in the same pose, and no mean is taken over them: starts and goals are grouped, and offsets are counted
+    from the mean of the demonstration's own group, its *pole*.
+
+    Attributes
+    ----------
+    configurations : (N, S, eta) canonical configurations [rad].
+    start_groups, goal_groups : (N,) number of the group that each demonstration starts from and ends in, from 0.
+    start_poles, goal_poles : (G, eta) mean configurations of the groups [rad].
+    """
+
+    configurations: np.ndarray
+    start_groups: np.ndarray
+    goal_groups: np.ndarray
+    start_poles: np.ndarray
+    goal_poles: np.ndarray
+
+    def check(self, count: int, samples: int) -> None:
+        joints = (0, *self.configurations.shape)[-1]
+        self.check_arrays({
+            "configurations": (count, samples, joints),
+            "start_offsets": (count, joints), "goal_offsets": (count, joints),
+        })  # fmt: skip
+        self.check_numbers("modes")
+        for end in ("start", "goal"):
+            self.check_numbers(f"{end}_groups")
+            groups = len(set(getattr(self, f"{end}_groups").tolist()))
+            self.check_arrays({f"{end}_poles": (groups, joints)})
+
+    @property
+    def curves(self) -> tuple[np.ndarray, ...]:
+        return (self.configurations,)
+
+    def mean_curves(self, weights: np.ndarray) -> tuple[np.ndarray, ...]:
+        return (np.einsum("kn,nsj->ksj", weights, self.configurations),)
+
+    def corrections(self, decoder: JointSpaceDecoder, mean_paths: MeanPaths, weights: np.ndarray) -> np.ndarray:
+        """Take what the decoder lacks on the mean paths to be the weighted means, (K, S, eta) [rad]."""
+        (means,) = self.mean_curves(weights)
+        count, samples, dimension = mean_paths.centres.shape
+        return means - decoder.configurations(mean_paths.centres.reshape(-1, dimension)).reshape(count, samples, -1)
 
 
 @dataclass(frozen=True)
@@ -169,9 +240,7 @@ class RotationCurves:
         return rotate_by(turns, np.broadcast_to(self.middle, (len(weights), *self.middle.shape)))
 
 
-def beyond_demonstrated(
-    offset: np.ndarray, demonstrated: np.ndarray, scale: np.ndarray = POSE_SCALE
-) -> np.ndarray:
+def beyond_demonstrated(offset: np.ndarray, demonstrated: np.ndarray, scale: np.ndarray = POSE_SCALE) -> np.ndarray:
     """What of an offset (D,) lies outside the convex hull of demonstrated ones (N, D), as an offset (D,).
 
     `scale` (D,) tells what each number counts.

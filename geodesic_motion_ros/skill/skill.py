@@ -28,9 +28,8 @@ from geodesic_motion_ros.manifold.configuration_graph import (
 from geodesic_motion_ros.manifold.decoder import TaskSpaceDecoder
 from geodesic_motion_ros.manifold.joint_decoder import JointSpaceDecoder
 from geodesic_motion_ros.manifold.mean_path import MeanPaths
-from geodesic_motion_ros.manifold.pose_graph import MetricSettings, PoseGraph, build_pose_graph
+from geodesic_motion_ros.manifold.pose_graph import MetricSettings, PoseGraph
 from geodesic_motion_ros.robot.description import DEFAULT_ROBOT, shipped_robots
-from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.skill.description import (
     DESCRIPTION,
     FILES,
@@ -40,10 +39,10 @@ from geodesic_motion_ros.skill.description import (
     WEIGHTS,
     check_thresholds,
 )
-from geodesic_motion_ros.skill.folder import CANONICAL_ARRAYS, LARGEST_DESCRIPTION, LATENT_ARRAYS, read_folder
-from geodesic_motion_ros.skill.joint_sheet import JointSheet
+from geodesic_motion_ros.skill.folder import LARGEST_DESCRIPTION, LATENT_ARRAYS, read_folder
 from geodesic_motion_ros.skill.kept_graph import kept_graph
-from geodesic_motion_ros.skill.sheet import CanonicalSheet
+from geodesic_motion_ros.skill.sheet import CanonicalSheet, JointSheet
+from geodesic_motion_ros.skill.space import SPACES
 from geodesic_motion_ros.utils.checked_files import PlainDumper, brief
 from geodesic_motion_ros.utils.errors import GeodesicMotionError, SkillError
 from geodesic_motion_ros.utils.shared_files import find_shared
@@ -128,18 +127,12 @@ class LearnedModel:
     def _graph(self, shape: tuple[int, ...] | None, neighbours: int | None) -> PoseGraph | ConfigurationGraph:
         dimension = len(self.latent_lower)
         shape, neighbours = shape or GRID_SHAPES[dimension], neighbours or NEIGHBOURS[dimension]
-        if self.space == "joint":
-            robot = Robot.named(self.robot)
-            return self._configuration_graph(
-                decoder=self.decoder, codes=self.codes, lower=self.latent_lower, upper=self.latent_upper,
-                metric=self.metric, robot=robot, body=self.metric.body_points(robot), sigma_limit=self.sigma_limit,
-                shape=shape, neighbours=neighbours, energy_limit=self._energy_limit(shape), mean_paths=self.mean_paths,
-            )  # fmt: skip
-        return build_pose_graph(
-            self.decoder, self.codes, self.latent_lower, self.latent_upper,
-            self.metric, self.sigma_limit, shape, neighbours, energy_limit=self._energy_limit(shape),
-            clusters=2 if self.orientation_model == "two_cluster" else 1, mean_paths=self.mean_paths,
-        )  # fmt: skip
+        recipe = {
+            "decoder": self.decoder, "codes": self.codes, "lower": self.latent_lower, "upper": self.latent_upper,
+            "metric": self.metric, "sigma_limit": self.sigma_limit, "shape": shape, "neighbours": neighbours,
+            "energy_limit": self._energy_limit(shape), "mean_paths": self.mean_paths,
+        }  # fmt: skip
+        return SPACES[self.space].build_graph(self, recipe, self._configuration_graph)
 
     def _configuration_graph(self, **recipe: Any) -> ConfigurationGraph:
         """The graph of a recipe, as of `build_configuration_graph`."""
@@ -179,7 +172,7 @@ class Skill(LearnedModel):
         """The configuration (eta,) [rad] in which the first group of demonstrations starts, or ends, on average; on the
         raw sheet the first demonstration. Of a skill of joint space.
         """
-        if isinstance(self.canonical, JointSheet):
+        if self.canonical is not None:
             return getattr(self.canonical, f"{end}_poles")[0].copy()
         latent = self.codes[0, :1] if end == "start" else self.codes[0, -1:]
         return self.decoder.configurations(latent)[0]
@@ -221,7 +214,8 @@ class Skill(LearnedModel):
             latent = {name: getattr(self, name) for name in LATENT_ARRAYS}
             described = {"format_version": FORMAT_VERSION, "sheet": self.sheet}
             if self.canonical is not None:
-                latent |= {f"canonical_{name}": getattr(self.canonical, name) for name in CANONICAL_ARRAYS[self.space]}
+                named = SPACES[self.space].canonical_arrays
+                latent |= {f"canonical_{name}": getattr(self.canonical, name) for name in named}
                 described["regression_penalty"] = self.canonical.penalty
                 described["offset_fade"] = self.canonical.fade
             np.savez(draft / LATENT, **latent)

@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
-from geodesic_motion_ros.demonstrations.joint_canonical import body_arc
+from geodesic_motion_ros.demonstrations.canonical import body_arc
 from geodesic_motion_ros.geometry.curves import pose_arc_length
 from geodesic_motion_ros.geometry.quaternions import angle_between
 from geodesic_motion_ros.robot.body_points import end_effector_poses

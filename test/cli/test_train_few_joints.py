@@ -19,8 +19,8 @@ from geodesic_motion_ros.demonstrations.demonstrations import Demonstration, Dem
 from geodesic_motion_ros.demonstrations.joint_demonstrations import JointDemonstration, JointDemonstrations
 from geodesic_motion_ros.demonstrations.writers import save_joint_demonstrations
 from geodesic_motion_ros.geometry.quaternions import multiply
-from geodesic_motion_ros.learning.joint_training import train_joint_space_skill
 from geodesic_motion_ros.learning.settings import JointTrainingSettings
+from geodesic_motion_ros.learning.training import train_skill
 from geodesic_motion_ros.planning.declared_scene import DeclaredScene
 from geodesic_motion_ros.planning.planner import ReactivePlanner
 from geodesic_motion_ros.planning.settings import PlannerSettings
@@ -83,8 +83,7 @@ def skill(request: pytest.FixtureRequest, stored: Callable[[str, Callable[[], Sk
     def train() -> Skill:
         make_arm(joints)
         settings = JointTrainingSettings(steps=800, kernels=100, latent_dimension=2, **SMALL)
-        robot = Robot.named(str(arm_of(joints)))
-        return train_joint_space_skill(taught(joints), robot, settings, name=f"arm of {joints}")
+        return train_skill(taught(joints), settings, name=f"arm of {joints}")
 
     return stored(f"arm_of_{joints}", train)
 

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from geodesic_motion_ros.demonstrations.checks import columns, increasing_times, split_items
+from geodesic_motion_ros.demonstrations.checks import columns, increasing_times
 from geodesic_motion_ros.utils.errors import DemonstrationError
 
 
@@ -22,7 +22,3 @@ def test_times_must_rise():
     np.testing.assert_array_equal(increasing_times([0, 1, 3], "wave"), [0.0, 1.0, 3.0])
     with pytest.raises(DemonstrationError, match="'wave', sample 2, column t: 1 s does not come after 1 s"):
         increasing_times([0.0, 1.0, 1.0], "wave")
-
-
-def test_items_are_split_in_the_order_asked_for():
-    assert split_items("abcde", [3, 1]) == (("a", "c", "e"), ("d", "b"))

@@ -5,10 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from geodesic_motion_ros.demonstrations.canonical import canonical_form
+from geodesic_motion_ros.demonstrations.canonical import LARGEST_OFFSET, ConfigurationForm, PoseForm
 from geodesic_motion_ros.demonstrations.demonstrations import Demonstration, Demonstrations
 from geodesic_motion_ros.demonstrations.fade import FADES, likeliest_fade, scatter_within
-from geodesic_motion_ros.demonstrations.joint_canonical import LARGEST_OFFSET, canonical_joint_form
 from geodesic_motion_ros.demonstrations.joint_demonstrations import JointDemonstration, JointDemonstrations
 from geodesic_motion_ros.manifold.configuration_graph import JointMetricSettings
 from geodesic_motion_ros.manifold.joint_transport import JointOffsets
@@ -35,13 +34,13 @@ def joining(fade: float, spread: float, seed: int = 0, count: int = 7) -> Demons
 
 @pytest.mark.parametrize("seed", range(3))
 def test_the_fade_of_the_demonstrations_is_found(seed):
-    assert canonical_form(joining(4.0, SPREAD, seed), 100, 0.1).fade == 4.0
+    assert PoseForm(joining(4.0, SPREAD, seed), 0.1).fade == 4.0
     # The control: the same starts, faded linearly.
-    assert canonical_form(joining(1.0, SPREAD, seed), 100, 0.1).fade == 1.0
+    assert PoseForm(joining(1.0, SPREAD, seed), 0.1).fade == 1.0
 
 
 def test_demonstrations_that_begin_at_one_place_say_nothing():
-    assert canonical_form(joining(4.0, 0.0), 100, 0.1).fade == 1.0
+    assert PoseForm(joining(4.0, 0.0), 0.1).fade == 1.0
     assert likeliest_fade(lambda fade: 0.0, 5) == 1.0
 
 
@@ -52,18 +51,18 @@ def test_a_gain_that_chance_explains_is_none():
 
 
 def test_demonstrations_are_most_alike_with_their_own_fade():
-    forms = {fade: canonical_form(joining(4.0, SPREAD), 100, 0.1, fade) for fade in FADES}
+    forms = {fade: PoseForm(joining(4.0, SPREAD), 0.1, fade).sheet(100) for fade in FADES}
     scattered = {fade: scatter_within(form.positions, np.zeros(7)) for fade, form in forms.items()}
     assert scattered[4.0] < scattered[2.0] < scattered[1.0]
 
 
 def test_offsets_come_out_and_go_in_with_the_fade():
     shown = joining(4.0, SPREAD)
-    form = canonical_form(shown, 100, 0.1)
+    form = PoseForm(shown, 0.1).sheet(100)
     left = (1.0 - np.linspace(0.0, 1.0, 100)[:, None]) ** form.fade
     for number in range(len(shown)):
         offset = left * form.start_offsets[number, :3] + (1.0 - left) * form.goal_offsets[number, :3]
-        expected = canonical_form(Demonstrations((shown[number],)), 100, 0.1).positions[0]
+        expected = PoseForm(Demonstrations((shown[number],)), 0.1).sheet(100).positions[0]
         np.testing.assert_allclose(form.positions[number] + offset, expected, atol=1e-12)
 
 
@@ -92,15 +91,15 @@ def arm_joining(fade: float, starts: np.ndarray) -> JointDemonstrations:
 
 def test_the_fade_of_an_arm_is_found():
     starts = np.random.default_rng(1).normal(scale=0.12, size=(7, 7))
-    assert canonical_joint_form(arm_joining(4.0, starts), ROBOT, METRIC, 60).fade == 4.0
-    assert canonical_joint_form(arm_joining(1.0, starts), ROBOT, METRIC, 60).fade == 1.0
-    assert canonical_joint_form(arm_joining(4.0, starts), ROBOT, METRIC, 60, fade=1.0).fade == 1.0
+    assert ConfigurationForm(arm_joining(4.0, starts), ROBOT, METRIC).fade == 4.0
+    assert ConfigurationForm(arm_joining(1.0, starts), ROBOT, METRIC).fade == 1.0
+    assert ConfigurationForm(arm_joining(4.0, starts), ROBOT, METRIC, fade=1.0).fade == 1.0
 
 
 @pytest.mark.parametrize(("apart", "groups"), [(0.8, 1), (2.5, 2)])
 def test_a_start_has_a_pole_of_its_own_only_where_the_mean_of_all_is_out_of_reach(apart, groups):
     starts = np.random.default_rng(1).normal(scale=0.03, size=(7, 7))
     starts[-2:, 0] += apart
-    form = canonical_joint_form(arm_joining(1.0, starts), ROBOT, METRIC, 60)
+    form = ConfigurationForm(arm_joining(1.0, starts), ROBOT, METRIC)
     assert len(form.start_poles) == groups
     assert np.linalg.norm(form.start_offsets, axis=1).max() < LARGEST_OFFSET

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from geodesic_motion_ros.demonstrations.joint_canonical import along_body_arc, canonical_joint_form
+from geodesic_motion_ros.demonstrations.canonical import ConfigurationForm, along_body_arc
 from geodesic_motion_ros.demonstrations.joint_demonstrations import JointDemonstration, JointDemonstrations
 from geodesic_motion_ros.manifold.configuration_graph import JointMetricSettings
 from geodesic_motion_ros.manifold.joint_transport import JointOffsets
@@ -20,7 +20,7 @@ ROBOT, METRIC = Robot.named("panda"), JointMetricSettings()
 
 @pytest.fixture(scope="module")
 def form(reach_demonstrations):
-    return canonical_joint_form(reach_demonstrations, ROBOT, METRIC, 60)
+    return ConfigurationForm(reach_demonstrations, ROBOT, METRIC).sheet(60)
 
 
 def test_samples_are_equally_far_apart_on_the_body(reach_demonstrations):
@@ -55,7 +55,7 @@ def test_families_that_begin_alike_have_one_pole(form):
 
 
 def test_families_that_begin_apart_are_never_averaged(separated_demonstrations):
-    form = canonical_joint_form(separated_demonstrations, ROBOT, METRIC, 60)
+    form = ConfigurationForm(separated_demonstrations, ROBOT, METRIC).sheet(60)
     assert form.start_groups.tolist() == form.goal_groups.tolist() == [0, 0, 0, 1, 1, 1]
     starts = np.stack([item.configurations[0] for item in separated_demonstrations])
     for group in range(2):
@@ -71,10 +71,10 @@ def test_one_that_begins_elsewhere_is_named(reach_demonstrations):
     items[1] = JointDemonstration(odd, items[1].times, "odd")
     mixed = JointDemonstrations(tuple(items), reach_demonstrations.joint_names, "panda")
     with pytest.raises(DemonstrationError, match="starts further than"):
-        canonical_joint_form(mixed, ROBOT, METRIC, 60)
+        ConfigurationForm(mixed, ROBOT, METRIC).sheet(60)
 
 
 def test_the_order_of_demonstrations_does_not_matter(form, reach_demonstrations):
     backwards = replace(reach_demonstrations, items=reach_demonstrations.items[::-1])
-    other = canonical_joint_form(backwards, ROBOT, METRIC, 60)
+    other = ConfigurationForm(backwards, ROBOT, METRIC).sheet(60)
     np.testing.assert_allclose(other.configurations[::-1], form.configurations, atol=1e-9)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from geodesic_motion_ros.demonstrations.canonical import canonical_form
+from geodesic_motion_ros.demonstrations.canonical import PoseForm
 from geodesic_motion_ros.demonstrations.modes import blend_weights, cluster_modes
 
 S = np.linspace(0.0, 1.0, 50)[:, None]
@@ -19,7 +19,7 @@ def bundle(random: np.random.Generator, bulge: float, count: int, noise: float =
 
 
 def test_a_fan_is_one_mode(varying_fan):
-    np.testing.assert_array_equal(cluster_modes(canonical_form(varying_fan, 60, 0.1).positions), 0)
+    np.testing.assert_array_equal(cluster_modes(PoseForm(varying_fan, 0.1).sheet(60).positions), 0)
 
 
 @pytest.mark.parametrize("seed", range(20))

@@ -10,9 +10,9 @@ import torch
 
 from geodesic_motion_ros.demonstrations.demonstrations import Demonstration, Demonstrations
 from geodesic_motion_ros.geometry.quaternions import rotate_by
+from geodesic_motion_ros.learning.autoencoder import DecoderNetwork
 from geodesic_motion_ros.learning.settings import TrainingSettings
-from geodesic_motion_ros.learning.task_space import DecoderNetwork
-from geodesic_motion_ros.learning.training import train_task_space_skill
+from geodesic_motion_ros.learning.training import train_skill
 
 #: Small enough to train in seconds, large enough to learn the task below.
 QUICK = TrainingSettings(
@@ -43,24 +43,24 @@ def demonstrations() -> Demonstrations:
 
 @pytest.fixture(scope="session")
 def skill(stored, demonstrations):
-    return stored("bend", lambda: train_task_space_skill(demonstrations, QUICK, name="bend"))
+    return stored("bend", lambda: train_skill(demonstrations, QUICK, name="bend"))
 
 
 @pytest.fixture(scope="session")
 def trained_skill(demonstrations):
-    return train_task_space_skill(demonstrations, QUICK, name="bend")
+    return train_skill(demonstrations, QUICK, name="bend")
 
 
 @pytest.fixture(scope="session")
 def canonical_skill(demonstrations):
     settings = replace(QUICK, steps=FEWER, sheet="canonical", orientation_model=None, precision_samples=2)
-    return train_task_space_skill(demonstrations, settings, name="bend")
+    return train_skill(demonstrations, settings, name="bend")
 
 
 @pytest.fixture(scope="session")
 def sign_blind_skill(demonstrations):
     settings = replace(QUICK, steps=FEWER, orientation_model="sign_blind")
-    return train_task_space_skill(demonstrations, settings, name="bend")
+    return train_skill(demonstrations, settings, name="bend")
 
 
 @pytest.fixture(scope="session")

@@ -6,17 +6,17 @@ import numpy as np
 import pytest
 import torch
 
-from geodesic_motion_ros.learning.joint_space import JointSpaceVAE
+from geodesic_motion_ros.learning.autoencoder import AutoEncoder
 from geodesic_motion_ros.learning.networks import RadialBasisNetwork
 from geodesic_motion_ros.manifold.encoder import JointSpaceEncoder
 
 
 @pytest.fixture(scope="module", params=[2, 3])
-def vae(request) -> JointSpaceVAE:
+def vae(request) -> AutoEncoder:
     """An untrained model of seven joints, in double precision."""
     torch.manual_seed(1)
     dimension = request.param
-    model = JointSpaceVAE(dimension, (12, 8), torch.linspace(-1.0, 1.0, 7), torch.tensor(0.7))
+    model = AutoEncoder(dimension, (12, 8), torch.linspace(-1.0, 1.0, 7), torch.tensor(0.7))
     centres = torch.randn(20, dimension, dtype=torch.double)
     floor, at_data = (torch.full((7,), value, dtype=torch.double) for value in (1.0, 40.0))
     model.decoder.inverse_sigma = RadialBasisNetwork(centres, torch.tensor(1.5).double(), floor, at_data)
@@ -27,7 +27,7 @@ def test_the_numpy_decoder_is_the_torch_decoder(vae) -> None:
     latent = 2.0 * np.random.default_rng(0).normal(size=(200, vae.decoder.inverse_sigma.centres.shape[1]))
     decoded = vae.decoder.to_numpy().decode(latent)
     points = torch.tensor(latent)
-    np.testing.assert_allclose(decoded.configurations, vae.decoder.means(points).numpy(), atol=1e-10)
+    np.testing.assert_allclose(decoded.configurations, vae.decoder.means(points).coordinates.numpy(), atol=1e-10)
     inverse = vae.decoder.inverse_sigma
     np.testing.assert_allclose(1.0 / decoded.sigma, inverse.combine(inverse.activations(points)).numpy(), atol=1e-10)
 

@@ -9,17 +9,11 @@ import pytest
 import torch
 
 from geodesic_motion_ros.learning.calibration import dearest_energy
-from geodesic_motion_ros.learning.joint_calibration import calibrated_energy
-from geodesic_motion_ros.learning.joint_training import (
-    body_layer,
-    counted_log_volume,
-    train_joint_model,
-    train_joint_space_skill,
-    training_configurations,
-)
+from geodesic_motion_ros.learning.likelihoods import ConfigurationLikelihood, body_layer, counted_log_volume
 from geodesic_motion_ros.learning.settings import JointTrainingSettings
+from geodesic_motion_ros.learning.shown_task import ShownConfigurations
+from geodesic_motion_ros.learning.training import train_model, train_skill
 from geodesic_motion_ros.manifold.configuration_graph import JointMetricSettings
-from geodesic_motion_ros.manifold.joint_transport import JointOffsets
 from geodesic_motion_ros.manifold.latent_graph import connected_pieces
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.utils.errors import ParameterError, SkillError
@@ -31,12 +25,13 @@ IN_NO_TIME = JointTrainingSettings(
 
 
 def weights(configurations: np.ndarray, settings: JointTrainingSettings) -> dict[str, torch.Tensor]:
-    return train_joint_model(configurations, settings, body_layer(ROBOT, settings.metric)).state_dict()
+    return train_model((configurations,), ConfigurationLikelihood(settings, ROBOT)).state_dict()
 
 
 @pytest.fixture(scope="module")
 def configurations(reach_demonstrations) -> np.ndarray:
-    return training_configurations(reach_demonstrations, ROBOT, IN_NO_TIME)
+    (curves,) = ShownConfigurations(reach_demonstrations, IN_NO_TIME).learned_curves()
+    return curves
 
 
 @pytest.fixture(scope="module")
@@ -84,9 +79,9 @@ def test_the_volume_term_leads_no_mean_to_where_the_arm_is_more_singular_than_sh
     """Whatever it counts: log V of singular postures is lower by several units than of those shown."""
     body = body_layer(ROBOT, IN_NO_TIME.metric)
     settings = replace(IN_NO_TIME, volume_weight=1e4, steps=100)
-    trained = train_joint_model(configurations, settings, body)
+    trained = train_model((configurations,), ConfigurationLikelihood(settings, ROBOT))
     shown = torch.tensor(configurations.reshape(-1, 7))
-    decoded = body.log_volume(trained.decoder.means(trained.encoder(shown)[0]))
+    decoded = body.log_volume(trained.decoder.means(trained.encoder(shown)[0]).coordinates)
     assert decoded.min() > body.log_volume(shown).min() - 0.5
 
 
@@ -114,7 +109,7 @@ def test_canonical_demonstrations_and_their_blends_are_learned(reach_demonstrati
 
 
 def test_the_raw_sheet_learns_what_was_recorded(reach_demonstrations) -> None:
-    raw = training_configurations(reach_demonstrations, ROBOT, replace(IN_NO_TIME, sheet="raw"))
+    (raw,) = ShownConfigurations(reach_demonstrations, replace(IN_NO_TIME, sheet="raw")).learned_curves()
     assert raw.shape == (8, 40, 7)
     for curve, item in zip(raw, reach_demonstrations, strict=True):
         np.testing.assert_array_equal(curve[[0, -1]], item.configurations[[0, -1]])
@@ -123,7 +118,7 @@ def test_the_raw_sheet_learns_what_was_recorded(reach_demonstrations) -> None:
 def test_a_raw_skill_of_two_dimensions_is_whole(reach_demonstrations) -> None:
     settings = replace(IN_NO_TIME, sheet="raw", latent_dimension=2, steps=150)
     licence = {"licence": "CC0-1.0"}
-    skill = train_joint_space_skill(reach_demonstrations, ROBOT, settings, name="flat", provenance=licence)
+    skill = train_skill(reach_demonstrations, settings, name="flat", provenance=licence)
     assert (skill.space, skill.sheet, skill.decoder.latent_dimension) == ("joint", "raw", 2)
     assert skill.codes.shape[::2] == (8, 2)
     assert skill.provenance["licence"] == "CC0-1.0"
@@ -133,7 +128,7 @@ def test_a_raw_skill_of_two_dimensions_is_whole(reach_demonstrations) -> None:
 def test_a_skill_reproduces_what_it_was_shown(reach_demonstrations) -> None:
     """Half a metre long, they turn the tool by 90 degrees. What is left differs from machine to machine."""
     settings = replace(IN_NO_TIME, latent_dimension=2, steps=600, hidden=(64, 32), samples=60, batch=128, kernels=100)
-    skill = train_joint_space_skill(reach_demonstrations, ROBOT, settings, name="reach")
+    skill = train_skill(reach_demonstrations, settings, name="reach")
     assert skill.quality["training_position_error_mm"] < 80.0
     assert skill.quality["training_orientation_error_deg"] < 20.0
     assert skill.canonical.modes.tolist() == [0, 0, 0, 0, 1, 1, 1, 1]
@@ -145,13 +140,14 @@ def test_a_skill_reproduces_what_it_was_shown(reach_demonstrations) -> None:
 
 def test_the_threshold_of_energy_is_that_of_paths_along_the_demonstrations(reach_skill) -> None:
     graph = reach_skill.graph()
-    assert calibrated_energy(graph, reach_skill.codes) == pytest.approx(reach_skill.energy_per_edge, rel=1e-9)
+    found = dearest_energy(graph, ShownConfigurations.energies(graph), reach_skill.codes)
+    assert found == pytest.approx(reach_skill.energy_per_edge, rel=1e-9)
 
 
 def test_of_a_literal_model_the_support_need_not_join_the_ends(reach_skill) -> None:
     """Where it is torn across all demonstrations, what is left of them counts."""
     graph, codes = reach_skill.graph(), reach_skill.codes
-    energies = graph.transported(JointOffsets.none(ROBOT, graph.mean_path_count)).energies()
+    energies = ShownConfigurations.energies(graph)
     intact = dearest_energy(graph, energies, codes)
     assert dearest_energy(graph, energies, codes, whole=False) == intact
     early = graph.progress[graph.edges] < 0.3
@@ -184,4 +180,4 @@ def test_wrong_settings_are_named(changes, words) -> None:
 
 def test_a_skill_of_more_dimensions_than_its_graph_can_have_is_refused(reach_demonstrations) -> None:
     with pytest.raises(ParameterError, match="a skill's graph has 2 or 3"):
-        train_joint_space_skill(reach_demonstrations, ROBOT, replace(IN_NO_TIME, latent_dimension=4))
+        train_skill(reach_demonstrations, replace(IN_NO_TIME, latent_dimension=4))

@@ -62,9 +62,9 @@ def test_metric_is_the_pull_back_of_its_features(decoder, metric, latent):
 
 
 def test_obstacles_stretch_position_and_sigma_and_nothing_else(decoder, metric, latent):
-    centre = decoder.means(latent[:1]).positions
+    centre = decoder.means(latent[:1]).coordinates
     ambient = AmbientFactor(centre, torch.tensor([0.05], dtype=torch.float64), 100.0)
-    factor = ambient(decoder.means(latent).positions)
+    factor = ambient(decoder.means(latent).coordinates)
     jacobian = metric.jacobian(latent)
     stretched = jacobian[:, :3].mT @ jacobian[:, :3] + 10.0**2 * jacobian[:, 3:6].mT @ jacobian[:, 3:6]
     expected = metric(latent) + (factor - 1.0)[:, None, None] * stretched
@@ -86,7 +86,7 @@ def test_ambient_factor_adds_obstacles_and_fades_to_one():
 def test_metric_is_symmetric_and_positive_definite_and_obstacles_only_enlarge_it(skill, decoder, corner, strength):
     lower, upper = torch.tensor(skill.latent_lower), torch.tensor(skill.latent_upper)
     point = (lower + torch.tensor(corner) * (upper - lower))[None]
-    ambient = AmbientFactor(decoder.means(point).positions + 0.01, torch.tensor([0.04]).double(), strength)
+    ambient = AmbientFactor(decoder.means(point).coordinates + 0.01, torch.tensor([0.04]).double(), strength)
     free, stretched = PullbackMetric(decoder)(point), PullbackMetric(decoder, ambient=ambient)(point)
     torch.testing.assert_close(free, free.mT)
     assert torch.linalg.eigvalsh(free).min() > 0.0
@@ -133,6 +133,6 @@ def test_energy_is_at_least_the_squared_length(skill, decoder):
 
 def test_length_of_a_demonstration_is_at_least_what_its_tool_travels(skill, decoder):
     curve = demonstration_curve(skill, np.linspace(0.0, 1.0, 1000))
-    positions = decoder.means(curve).positions
+    positions = decoder.means(curve).coordinates
     travelled = (positions[1:] - positions[:-1]).norm(dim=-1).sum()
     assert curve_length(PullbackMetric(decoder), curve) > travelled

@@ -2,30 +2,24 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 import pytest
 
 from geodesic_motion_ros.learning.progress_prior import PRIOR_REACH, prior_means, prior_variance
-
-
-@dataclass(frozen=True)
-class Prior:
-    sheet: str
-    latent_dimension: int
-    progress_deviation: float = 0.2
+from geodesic_motion_ros.learning.settings import TrainingSettings
 
 
 @pytest.mark.parametrize("dimension", [2, 3])
 def test_the_canonical_strip_runs_along_the_first_axis(dimension) -> None:
-    means = prior_means(np.array([0.0, 0.5, 1.0]), Prior("canonical", dimension))
+    settings = TrainingSettings(latent_dimension=dimension, progress_deviation=0.2)
+    means = prior_means(np.array([0.0, 0.5, 1.0]), settings)
     expected = np.zeros((3, dimension))
     expected[:, 0] = -PRIOR_REACH, 0.0, PRIOR_REACH
     np.testing.assert_allclose(means, expected)
-    np.testing.assert_allclose(prior_variance(Prior("canonical", dimension)), [0.04, *np.ones(dimension - 1)])
+    np.testing.assert_allclose(prior_variance(settings), [0.04, *np.ones(dimension - 1)])
 
 
 def test_the_raw_prior_is_the_papers() -> None:
-    assert not np.any(prior_means(np.linspace(0.0, 1.0, 7), Prior("raw", 3)))
-    np.testing.assert_array_equal(prior_variance(Prior("raw", 3)), 1.0)
+    settings = TrainingSettings(sheet="raw", latent_dimension=3)
+    assert not np.any(prior_means(np.linspace(0.0, 1.0, 7), settings))
+    np.testing.assert_array_equal(prior_variance(settings), 1.0)

@@ -3,9 +3,9 @@ import pytest
 import torch
 
 from geodesic_motion_ros.geometry.quaternions import normalise
+from geodesic_motion_ros.learning.autoencoder import AutoEncoder, FixedPrecisions, Precisions
 from geodesic_motion_ros.learning.densities import antipodal_log_density, von_mises_fisher_log_density
 from geodesic_motion_ros.learning.networks import RadialBasisNetwork
-from geodesic_motion_ros.learning.task_space import FixedPrecisions, Precisions, TaskSpaceVAE
 from geodesic_motion_ros.manifold.decoder import TaskSpaceDecoder
 from geodesic_motion_ros.manifold.encoder import TaskSpaceEncoder
 
@@ -16,7 +16,7 @@ def vae():
     with torch.random.fork_rng():
         torch.manual_seed(5)
         scaling = torch.tensor([0.4, -0.1, 0.3]), torch.tensor(0.21)
-        vae = TaskSpaceVAE(2, (20, 10), *scaling, "two_cluster").double()
+        vae = AutoEncoder(2, (20, 10), *scaling, "two_cluster", direction=4).double()
         centres, rate = torch.randn(30, 2).double(), torch.tensor(2.5).double()
         networks = [
             RadialBasisNetwork(centres, rate, torch.full((n,), floor).double(), torch.full((n,), scale).double())
@@ -39,8 +39,8 @@ def test_decoder_agrees_with_its_numpy_twin(vae):
     exported = TaskSpaceDecoder.from_arrays(vae.decoder.to_numpy().arrays()).decode(latent)
     means = vae.decoder.means(torch.tensor(latent))
     precisions = vae.decoder.precisions(torch.tensor(latent))
-    np.testing.assert_allclose(exported.positions, means.positions, rtol=1e-10)
-    np.testing.assert_allclose(exported.quaternions, means.quaternions, rtol=1e-10)
+    np.testing.assert_allclose(exported.positions, means.coordinates, rtol=1e-10)
+    np.testing.assert_allclose(exported.quaternions, means.directions, rtol=1e-10)
     np.testing.assert_allclose(exported.sigma, 1.0 / precisions.inverse_sigma, rtol=1e-10)
     np.testing.assert_allclose(exported.kappa, precisions.kappa, rtol=1e-10)
 
@@ -67,8 +67,8 @@ def test_orientation_model_chooses_the_density(vae, poses, model, density):
     latent = torch.randn(50, 2, dtype=torch.float64, generator=torch.Generator().manual_seed(0))
     means, precisions = vae.decoder.means(latent), vae.decoder.precisions(latent)
     quaternions = torch.tensor(poses[1])
-    expected = density(quaternions, means.quaternions, precisions.kappa)
-    torch.testing.assert_close(vae.orientation_log_density(quaternions, means, precisions), expected)
+    expected = density(quaternions, means.directions, precisions.kappa)
+    torch.testing.assert_close(vae.direction_log_density(quaternions, means, precisions), expected)
 
 
 def test_position_density_counts_every_coordinate_with_its_own_sigma(vae):
@@ -76,11 +76,11 @@ def test_position_density_counts_every_coordinate_with_its_own_sigma(vae):
     means = vae.decoder.means(latent)
     inverse_sigma = torch.tensor([[100.0, 200.0, 400.0]], dtype=torch.float64)
     precisions = Precisions(inverse_sigma, torch.ones(1, dtype=torch.float64))
-    at_mean = vae.position_log_density(means.positions, means, precisions)
+    at_mean = vae.coordinate_log_density(means.coordinates, means, precisions)
     for axis in range(3):
-        moved = means.positions.clone()
+        moved = means.coordinates.clone()
         moved[0, axis] += 0.01
-        drop = at_mean - vae.position_log_density(moved, means, precisions)
+        drop = at_mean - vae.coordinate_log_density(moved, means, precisions)
         assert float(drop) == pytest.approx(0.5 * (0.01 * float(inverse_sigma[0, axis])) ** 2)
 
 

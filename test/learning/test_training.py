@@ -4,13 +4,15 @@ import numpy as np
 import pytest
 import torch
 
-from geodesic_motion_ros.demonstrations.canonical import canonical_form
+from geodesic_motion_ros.demonstrations.canonical import PoseForm
 from geodesic_motion_ros.demonstrations.demonstrations import Demonstration, Demonstrations
 from geodesic_motion_ros.demonstrations.modes import blend_weights
 from geodesic_motion_ros.geometry.quaternions import angle_between
+from geodesic_motion_ros.learning.likelihoods import PoseLikelihood
 from geodesic_motion_ros.learning.progress_prior import PRIOR_REACH
 from geodesic_motion_ros.learning.settings import TrainingSettings
-from geodesic_motion_ros.learning.training import train_model, train_task_space_skill, training_poses
+from geodesic_motion_ros.learning.shown_task import ShownPoses
+from geodesic_motion_ros.learning.training import train_model, train_skill
 from geodesic_motion_ros.manifold.encoder import TaskSpaceEncoder
 from geodesic_motion_ros.manifold.pose_graph import MetricSettings
 from geodesic_motion_ros.utils.errors import ParameterError
@@ -23,11 +25,9 @@ TINY = TrainingSettings(
 )
 
 
-def to_learn(demonstrations, settings):
-    """Positions, quaternions and fractions of the arc, as train_model takes them."""
-    positions, quaternions = training_poses(demonstrations, settings)
-    fractions = np.linspace(0.0, 1.0, settings.samples)
-    return positions, quaternions, np.tile(fractions, len(positions) // settings.samples)
+def train(demonstrations, settings, progress=None):
+    shown = ShownPoses(replace(demonstrations, has_orientation=False), settings)
+    return train_model(shown.learned_curves(), shown.likelihood, progress)
 
 
 def poses_of(demonstrations, samples=40):
@@ -36,9 +36,8 @@ def poses_of(demonstrations, samples=40):
 
 
 def test_training_is_reproducible_bit_by_bit_and_depends_on_the_seed(demonstrations):
-    poses = to_learn(demonstrations, TINY)
-    first, again = (train_model(*poses, TINY).state_dict() for _ in range(2))
-    other = train_model(*poses, replace(TINY, seed=1)).state_dict()
+    first, again = (train(demonstrations, TINY).state_dict() for _ in range(2))
+    other = train(demonstrations, replace(TINY, seed=1)).state_dict()
     assert all(torch.equal(first[name], again[name]) for name in first)
     weight = "decoder.perceptron.layers.0.weight"
     assert not torch.equal(first[weight], other[weight])
@@ -46,14 +45,14 @@ def test_training_is_reproducible_bit_by_bit_and_depends_on_the_seed(demonstrati
 
 def test_training_leaves_the_callers_random_state_and_threads_alone(demonstrations):
     threads, state = torch.get_num_threads(), torch.get_rng_state()
-    train_model(*to_learn(demonstrations, TINY), TINY)
+    train(demonstrations, TINY)
     assert torch.get_num_threads() == threads
     assert torch.equal(torch.get_rng_state(), state)
 
 
 def test_progress_counts_every_stage_to_its_end(demonstrations):
     calls = []
-    train_model(*to_learn(demonstrations, TINY), TINY, lambda *call: calls.append(call))
+    train(demonstrations, TINY, lambda *call: calls.append(call))
     last = {stage: (step, steps) for stage, step, steps in calls}
     assert last == {"means": (30, 30), "sigma and kappa": (10, 10)}
 
@@ -131,23 +130,24 @@ def test_canonical_demonstrations_are_reconstructed_without_clusters(canonical_s
 
 def test_canonical_training_is_reproducible_and_depends_on_the_seed(demonstrations):
     canonical = replace(TINY, sheet="canonical", orientation_model=None)
-    first, again = (train_task_space_skill(demonstrations, canonical) for _ in range(2))
+    first, again = (train_skill(demonstrations, canonical) for _ in range(2))
     np.testing.assert_array_equal(first.codes, again.codes)
-    other = train_task_space_skill(demonstrations, replace(canonical, seed=3))
+    other = train_skill(demonstrations, replace(canonical, seed=3))
     assert not np.array_equal(first.codes, other.codes)
 
 
 def test_blends_are_learned_besides_the_demonstrations_and_lie_between_them(demonstrations):
     settings = replace(TINY, sheet="canonical", orientation_model=None, blends=3)
-    positions, quaternions = training_poses(demonstrations, settings)
-    form = canonical_form(demonstrations, settings.samples, settings.rotation_length)
-    own = positions.reshape(16, settings.samples, 3)
+    shown = replace(demonstrations, has_orientation=False)
+    own, quaternions = ShownPoses(shown, settings).learned_curves()
+    form = PoseForm(demonstrations, settings.rotation_length).sheet(settings.samples)
+    assert own.shape == (16, settings.samples, 3)
     np.testing.assert_allclose(own[:4], form.positions, atol=1e-12)
     assert np.all(own[4:] <= form.positions.max(axis=0) + 1e-12)
     assert np.all(own[4:] >= form.positions.min(axis=0) - 1e-12)
-    np.testing.assert_allclose(np.linalg.norm(quaternions, axis=1), 1.0, atol=1e-12)
-    alone, _ = training_poses(demonstrations, replace(settings, blends=0))
-    np.testing.assert_allclose(alone, form.positions.reshape(-1, 3), atol=1e-12)
+    np.testing.assert_allclose(np.linalg.norm(quaternions, axis=-1), 1.0, atol=1e-12)
+    alone, _ = ShownPoses(shown, replace(settings, blends=0)).learned_curves()
+    np.testing.assert_allclose(alone, form.positions, atol=1e-12)
 
 
 def test_blends_never_mix_two_modes():
@@ -160,16 +160,11 @@ def test_blends_never_mix_two_modes():
     assert not np.any(mixed)
 
 
-def test_the_raw_prior_does_not_look_at_the_fractions(demonstrations):
-    positions, quaternions, fractions = to_learn(demonstrations, TINY)
-    first, other = (train_model(positions, quaternions, at, TINY).state_dict() for at in (fractions, fractions[::-1]))
-    assert all(torch.equal(first[name], other[name]) for name in first)
-
-
 def test_joint_schedule_learns_too(demonstrations):
     settings = replace(TINY, schedule="joint", steps=1500, hidden=(40, 20), kernels=60, learning_rate=4e-3, batch=64)
-    positions, quaternions, fractions = to_learn(demonstrations, replace(settings, samples=40))
-    vae = train_model(positions, quaternions, fractions, settings)
+    curves = ShownPoses(replace(demonstrations, has_orientation=False), replace(settings, samples=40)).learned_curves()
+    vae = train_model(curves, PoseLikelihood(settings))
+    positions, quaternions = (values.reshape(-1, values.shape[-1]) for values in curves)
     with torch.no_grad():
         codes, _ = vae.encoder(torch.tensor(positions), torch.tensor(quaternions))
         decoded = vae.decoder.to_numpy().decode(codes.numpy())
@@ -187,7 +182,8 @@ def test_poses_are_spread_over_turns_as_well_as_over_lengths():
     shown = Demonstrations((Demonstration(positions, quaternions, np.arange(150) * 0.01, "turn"),))
     largest = {}
     for rotation_length in (0.0, 0.1):
-        _, resampled = training_poses(shown, replace(TINY, samples=100, rotation_length=rotation_length))
+        settings = replace(TINY, samples=100, rotation_length=rotation_length)
+        resampled = ShownPoses(shown, settings).learned_curves()[1][0]
         largest[rotation_length] = np.degrees(angle_between(resampled[1:], resampled[:-1]).max())
     assert largest[0.0] > 100.0
     assert largest[0.1] < 10.0
@@ -207,7 +203,7 @@ def test_planar_recordings_without_orientation_give_one_cluster(demonstrations):
         has_orientation=False,
     )
     settings = replace(TINY, steps=300, learning_rate=4e-3)
-    skill = train_task_space_skill(flat, settings)
+    skill = train_skill(flat, settings)
     assert skill.codes.shape == (4, 100, 2)
     decoded = skill.decoder.decode(skill.codes.reshape(-1, 2))
     assert np.all(np.isfinite(decoded.sigma))

@@ -9,12 +9,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from geodesic_motion_ros.learning.joint_training import training_configurations
 from geodesic_motion_ros.learning.optimisation import MOST_DRAWN, drawn_rows
 from geodesic_motion_ros.learning.settings import JointTrainingSettings, TrainingSettings
-from geodesic_motion_ros.learning.training import training_poses
+from geodesic_motion_ros.learning.shown_task import ShownConfigurations, ShownPoses
 from geodesic_motion_ros.learning.workload import Workload
-from geodesic_motion_ros.robot.kinematics import Robot
 
 #: Peak of the memory of a process that fits `rows` rows of three dimensions by `kernels` kernels, less what it had.
 PEAK = """
@@ -39,10 +37,10 @@ print(resident("VmHWM") - before)
 @pytest.mark.parametrize("sheet", ["canonical", "raw"])
 def test_samples_are_counted_as_the_training_has_them(demonstrations, reach_demonstrations, sheet) -> None:
     settings = TrainingSettings(sheet=sheet, samples=30)
-    positions, _ = training_poses(demonstrations, settings)
-    assert Workload.of(len(demonstrations), settings, signs=2).samples == 2 * len(positions)
+    positions, _ = ShownPoses(demonstrations, settings).learned_curves()
+    assert Workload.of(len(demonstrations), settings, signs=2).samples == np.prod(positions.shape[:2])
     joints = JointTrainingSettings(sheet=sheet, samples=30)
-    configurations = training_configurations(reach_demonstrations, Robot.named("panda"), joints)
+    (configurations,) = ShownConfigurations(reach_demonstrations, joints).learned_curves()
     assert Workload.of(len(reach_demonstrations), joints).samples == np.prod(configurations.shape[:2])
 
 

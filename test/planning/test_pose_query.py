@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from geodesic_motion_ros.demonstrations.canonical import canonical_form
+from geodesic_motion_ros.demonstrations.canonical import PoseForm
 from geodesic_motion_ros.demonstrations.demonstrations import Demonstrations
 from geodesic_motion_ros.geometry.curves import arc_length
 from geodesic_motion_ros.geometry.pose import Pose
@@ -158,7 +158,7 @@ def bent(stored) -> tuple[Skill, np.ndarray]:
     """A skill of arcs around a corner, whose inside is shorter, and the mean of what was shown (m, 3)."""
     from geodesic_motion_ros.demonstrations.demonstrations import Demonstration
     from geodesic_motion_ros.learning.settings import TrainingSettings
-    from geodesic_motion_ros.learning.training import train_task_space_skill
+    from geodesic_motion_ros.learning.training import train_skill
 
     s = np.linspace(0.0, 0.5 * np.pi, 120)
     items = []
@@ -172,8 +172,8 @@ def bent(stored) -> tuple[Skill, np.ndarray]:
     settings = TrainingSettings(
         steps=800, hidden=(64, 32), samples=100, kernels=100, precision_samples=2, precision_iterations=60
     )
-    skill = stored("arcs", lambda: train_task_space_skill(shown, settings, name="arcs"))
-    return skill, canonical_form(shown, 200, 0.1).positions.mean(axis=0)
+    skill = stored("arcs", lambda: train_skill(shown, settings, name="arcs"))
+    return skill, PoseForm(shown, 0.1).sheet(200).positions.mean(axis=0)
 
 
 def test_the_mean_path_keeps_the_geodesic_at_the_mean_where_the_plain_metric_cuts_the_corner(bent):
@@ -206,13 +206,13 @@ def test_conditioning_changes_the_path_only_where_the_skill_regresses(canonical_
 
 def test_a_single_demonstration_is_a_skill_that_can_be_carried(stored, varying_fan):
     from geodesic_motion_ros.learning.settings import TrainingSettings
-    from geodesic_motion_ros.learning.training import train_task_space_skill
+    from geodesic_motion_ros.learning.training import train_skill
 
     settings = TrainingSettings(
         steps=800, hidden=(64, 32), samples=100, kernels=60, precision_samples=2, precision_iterations=40
     )
     one = Demonstrations((varying_fan[3],))
-    skill = stored("single", lambda: train_task_space_skill(one, settings, name="single"))
+    skill = stored("single", lambda: train_skill(one, settings, name="single"))
     assert skill.mean_paths is None
     assert not skill.canonical.regresses
     planner = PosePathPlanner(skill)

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from geodesic_motion_ros.skill.joint_sheet import JointSheet
+from geodesic_motion_ros.skill.sheet import JointSheet
 from geodesic_motion_ros.utils.errors import SkillError
 
 

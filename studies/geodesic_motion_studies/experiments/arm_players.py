@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Protocol
 import numpy as np
 from scipy.spatial import cKDTree
 
-from geodesic_motion_ros.demonstrations.joint_canonical import along_body_arc
+from geodesic_motion_ros.demonstrations.canonical import along_body_arc
 from geodesic_motion_ros.demonstrations.joint_demonstrations import JointDemonstrations
 from geodesic_motion_ros.manifold.configuration_graph import JointMetricSettings
 from geodesic_motion_ros.manifold.latent_graph import LatentGraph

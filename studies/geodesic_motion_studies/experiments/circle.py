@@ -30,7 +30,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from scipy.spatial import cKDTree
 
-from geodesic_motion_ros.learning.joint_space import JointSpaceVAE
+from geodesic_motion_ros.learning.autoencoder import AutoEncoder
 from geodesic_motion_ros.learning.settings import JointTrainingSettings
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.skill.skill import NEIGHBOURS
@@ -215,9 +215,7 @@ class Circle(Study):
         return CircleReport(shown, tuple(rows))
 
 
-def _measured(
-    model: str, vae: JointSpaceVAE, shown: Circles, robot: Robot, settings: JointTrainingSettings
-) -> CircleRow:
+def _measured(model: str, vae: AutoEncoder, shown: Circles, robot: Robot, settings: JointTrainingSettings) -> CircleRow:
     with torch.no_grad():
         codes = vae.encoder(torch.tensor(shown.configurations))[0].numpy()
     dimension = settings.latent_dimension

@@ -30,7 +30,7 @@ import torch
 from matplotlib.figure import Figure
 from scipy.spatial import cKDTree
 
-from geodesic_motion_ros.learning.joint_space import JointSpaceVAE
+from geodesic_motion_ros.learning.autoencoder import AutoEncoder
 from geodesic_motion_ros.learning.settings import JointTrainingSettings
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.utils.tables import text_table
@@ -190,7 +190,7 @@ class Dimension(Study):
         return DimensionReport(tuple(row for vae, chosen in learned for row in _measured(vae, shown, robot, chosen)))
 
 
-def _measured(vae: JointSpaceVAE, shown: Reaches, robot: Robot, settings: JointTrainingSettings) -> list[DimensionRow]:
+def _measured(vae: AutoEncoder, shown: Reaches, robot: Robot, settings: JointTrainingSettings) -> list[DimensionRow]:
     metric = pullback_metric(vae, robot, settings)
     with torch.no_grad():
         codes = vae.encoder(torch.tensor(shown.shown))[0].numpy()
@@ -226,7 +226,7 @@ def _measured(vae: JointSpaceVAE, shown: Reaches, robot: Robot, settings: JointT
 
 
 def _on_grid(
-    vae: JointSpaceVAE, metric: JointPullbackMetric, codes: np.ndarray, settings: JointTrainingSettings
+    vae: AutoEncoder, metric: JointPullbackMetric, codes: np.ndarray, settings: JointTrainingSettings
 ) -> _Built:
     dimension, began = settings.latent_dimension, time.thread_time()
     grid = grid_around(codes, SIDES[dimension], _BORDER)
@@ -235,7 +235,7 @@ def _on_grid(
 
 
 def _of_neighbours(
-    vae: JointSpaceVAE, metric: JointPullbackMetric, shown: Reaches, codes: np.ndarray, settings: JointTrainingSettings
+    vae: AutoEncoder, metric: JointPullbackMetric, shown: Reaches, codes: np.ndarray, settings: JointTrainingSettings
 ) -> _Built:
     began, random = time.thread_time(), np.random.default_rng(settings.seed)
     with torch.no_grad():

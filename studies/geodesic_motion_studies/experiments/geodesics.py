@@ -33,7 +33,7 @@ from matplotlib.lines import Line2D
 from scipy.spatial import cKDTree
 
 from geodesic_motion_ros.geometry.fitted_spline import fitted_spline
-from geodesic_motion_ros.learning.task_space import DecoderNetwork
+from geodesic_motion_ros.learning.autoencoder import DecoderNetwork
 from geodesic_motion_ros.manifold.decoder import rms_sigma
 from geodesic_motion_ros.manifold.geodesic_refinement import refined
 from geodesic_motion_ros.manifold.metric_field import MetricField, packed_tensors

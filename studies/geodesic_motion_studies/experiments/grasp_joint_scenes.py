@@ -14,7 +14,7 @@ from scipy.spatial import cKDTree
 from geodesic_motion_ros.planning.planner import ReactivePlanner
 from geodesic_motion_ros.robot.collision_model import CollisionModel
 from geodesic_motion_ros.robot.kinematics import Robot
-from geodesic_motion_ros.skill.joint_sheet import JointSheet
+from geodesic_motion_ros.skill.sheet import JointSheet
 from geodesic_motion_ros.skill.skill import Skill
 from geodesic_motion_ros.utils.errors import ParameterError
 from geodesic_motion_studies.experiments.arm_players import Families, Played, Player

@@ -110,9 +110,9 @@ def evaluate(
 def train_task_space(demonstrations: Demonstrations, seed: int, sheet: Sheet, progress: Progress) -> Skill:
     """The default method to learn a skill: a task-space auto-encoder with default settings."""
     from geodesic_motion_ros.learning.settings import TrainingSettings
-    from geodesic_motion_ros.learning.training import train_task_space_skill
+    from geodesic_motion_ros.learning.training import train_skill
 
-    return train_task_space_skill(demonstrations, TrainingSettings(seed=seed, sheet=sheet), progress=progress)
+    return train_skill(demonstrations, TrainingSettings(seed=seed, sheet=sheet), progress=progress)
 
 
 def stage_shown_on(bar: tqdm) -> Progress:

@@ -19,7 +19,7 @@ Columns, means over held-out demonstrations and seeds; the tool's are those of `
 
 dtw_mm, orientation_deg  mean distance and angle of the tool's poses that are matched by dynamic time warping
 joint_dtw_rad            mean distance |dtheta| of the matched configurations, after resampling both motions to as many
-                         points along the body's arc (`demonstrations.joint_canonical`) and warping in joint space
+                         points along the body's arc (`demonstrations.canonical`) and warping in joint space
 pointwise_mm             mean distance of the tool at equal fractions of the body's arc, nothing warped
 unanswered               predictions that the planner refused; they count in no mean
 """
@@ -36,9 +36,8 @@ import numpy as np
 from scipy.spatial import cKDTree
 from tqdm import tqdm
 
-from geodesic_motion_ros.demonstrations.joint_canonical import along_body_arc, canonical_joint_form, without_offsets
+from geodesic_motion_ros.demonstrations.canonical import ConfigurationForm, along_body_arc, without_offsets
 from geodesic_motion_ros.demonstrations.joint_demonstrations import JointDemonstrations
-from geodesic_motion_ros.demonstrations.modes import cluster_modes
 from geodesic_motion_ros.geometry.curves import PoseCurve
 from geodesic_motion_ros.geometry.quaternions import continuous_signs
 from geodesic_motion_ros.manifold.configuration_graph import JointMetricSettings
@@ -154,7 +153,7 @@ def evaluate_joints(
     Parameters
     ----------
     folds : indices to hold out, see `folds.parse_folds`; seeds : of the trainings.
-    train : how a skill is learned; None: `train_joint_space_skill` with its default settings.
+    train : how a skill is learned; None: `train_skill` with its default settings.
     task : name for the report. show_progress : a progress bar on standard error.
 
     Raises
@@ -167,7 +166,7 @@ def evaluate_joints(
     if not folds or not seeds:
         raise ParameterError("nothing to evaluate: give at least one fold and one seed")
     robot, metric = Robot.named(demonstrations.robot), JointMetricSettings()
-    families = cluster_modes(canonical_joint_form(demonstrations, robot, metric, COMPARED_POINTS).configurations)
+    families = ConfigurationForm(demonstrations, robot, metric).modes
     judges = [_Judge(demonstrations, fold, families, robot, metric) for fold in folds]
     measurements: list[JointMeasurement] = []
     with tqdm(total=len(folds) * len(seeds), desc=task, unit="skill", disable=not show_progress) as bar:
@@ -198,11 +197,10 @@ def within_demonstrations(skill: Skill, shown: np.ndarray) -> Skill:
 
 
 def _train(demonstrations: JointDemonstrations, seed: int, progress: Progress) -> Skill:
-    from geodesic_motion_ros.learning.joint_training import train_joint_space_skill
     from geodesic_motion_ros.learning.settings import JointTrainingSettings
+    from geodesic_motion_ros.learning.training import train_skill
 
-    robot = Robot.named(demonstrations.robot)
-    return train_joint_space_skill(demonstrations, robot, JointTrainingSettings(seed=seed), progress=progress)
+    return train_skill(demonstrations, JointTrainingSettings(seed=seed), progress=progress)
 
 
 class _Judge:
@@ -230,7 +228,7 @@ class _Judge:
             raise ParameterError(
                 f"holding out {','.join(map(str, fold))} leaves no demonstration of family {min(lost)} to train on"
             )
-        self._form = canonical_joint_form(self.shown, robot, metric, COMPARED_POINTS, fade=1.0)
+        self._form = ConfigurationForm(self.shown, robot, metric, fade=1.0).sheet(COMPARED_POINTS)
 
     def baselines(self) -> list[JointMeasurement]:
         """The rows that need no training."""

@@ -13,11 +13,12 @@ import torch
 from safetensors.torch import load_file, save_file
 from tqdm import tqdm
 
+from geodesic_motion_ros.learning.autoencoder import AutoEncoder
 from geodesic_motion_ros.learning.body_layer import BodyLayer
-from geodesic_motion_ros.learning.joint_space import JointSpaceVAE
-from geodesic_motion_ros.learning.joint_training import body_layer, train_joint_model
+from geodesic_motion_ros.learning.likelihoods import ConfigurationLikelihood
 from geodesic_motion_ros.learning.networks import RadialBasisNetwork
 from geodesic_motion_ros.learning.settings import JointTrainingSettings
+from geodesic_motion_ros.learning.training import train_model
 from geodesic_motion_ros.manifold.decoder import rms_sigma
 from geodesic_motion_ros.robot.body_points import end_effector_poses
 from geodesic_motion_ros.robot.kinematics import Robot
@@ -48,7 +49,7 @@ def models(
     seeds: Sequence[int],
     settings: JointTrainingSettings,
     folder: Path | None = None,
-) -> Iterator[tuple[JointSpaceVAE, JointTrainingSettings]]:
+) -> Iterator[tuple[AutoEncoder, JointTrainingSettings]]:
     """Learn configurations (N, T, eta) [rad] in each number of latent dimensions, once for every seed.
 
     settings : with the dimension and the seed that replace its own they come with the model.
@@ -59,12 +60,12 @@ def models(
         yield _model(shown, robot, chosen, folder), chosen
 
 
-def _model(shown: np.ndarray, robot: Robot, settings: JointTrainingSettings, folder: Path | None) -> JointSpaceVAE:
+def _model(shown: np.ndarray, robot: Robot, settings: JointTrainingSettings, folder: Path | None) -> AutoEncoder:
     if folder is None:
-        return train_joint_model(shown, settings, body_layer(robot, settings.metric))
-    kept = folder / f"{digest_of([shown], settings, 'joint_training')}.safetensors"
+        return train_model((shown,), ConfigurationLikelihood(settings, robot))
+    kept = folder / f"{digest_of([shown], settings)}.safetensors"
     if not kept.is_file():
-        vae = train_joint_model(shown, settings, body_layer(robot, settings.metric))
+        vae = train_model((shown,), ConfigurationLikelihood(settings, robot))
         folder.mkdir(parents=True, exist_ok=True)
         unfinished = kept.with_suffix(".part")
         # Encoder and decoder share their scaling: the file wants every tensor for itself.
@@ -74,22 +75,22 @@ def _model(shown: np.ndarray, robot: Robot, settings: JointTrainingSettings, fol
     return _restored(load_file(kept), settings)
 
 
-def _restored(tensors: dict[str, torch.Tensor], settings: JointTrainingSettings) -> JointSpaceVAE:
+def _restored(tensors: dict[str, torch.Tensor], settings: JointTrainingSettings) -> AutoEncoder:
     """The model whose state it is, frozen."""
     scaling = tensors["encoder.offset"], tensors["encoder.scale"]
-    vae = JointSpaceVAE(settings.latent_dimension, settings.hidden, *scaling).double()
+    vae = AutoEncoder(settings.latent_dimension, settings.hidden, *scaling).double()
     network = (tensors[f"decoder.inverse_sigma.{name}"] for name in ("centres", "rate", "floor", "scale"))
     vae.decoder.inverse_sigma = RadialBasisNetwork(*network)
     vae.load_state_dict(tensors)
     return vae.requires_grad_(False)
 
 
-def pullback_metric(vae: JointSpaceVAE, robot: Robot, settings: JointTrainingSettings) -> JointPullbackMetric:
+def pullback_metric(vae: AutoEncoder, robot: Robot, settings: JointTrainingSettings) -> JointPullbackMetric:
     """The metric that a model was learned for."""
     return JointPullbackMetric(vae.decoder, BodyLayer(robot, settings.metric.body_points(robot)), settings.metric)
 
 
-def supported(vae: JointSpaceVAE, codes: np.ndarray, latent: np.ndarray) -> np.ndarray:
+def supported(vae: AutoEncoder, codes: np.ndarray, latent: np.ndarray) -> np.ndarray:
     """Whether latent points (n, d) are as near to the codes (..., d) of what was shown as a skill's nodes are: (n,)."""
     decoder = vae.decoder.to_numpy()
     limit = SUPPORT_MULTIPLE * np.percentile(rms_sigma(decoder.uncertainty(codes.reshape(-1, codes.shape[-1]))), 99.0)
@@ -102,15 +103,15 @@ def tool_positions(robot: Robot, configurations: np.ndarray) -> np.ndarray:
     return end_effector_poses(flat, robot.chain)[0].reshape(*configurations.shape[:-1], 3)
 
 
-def decoded(vae: JointSpaceVAE, latent: np.ndarray) -> np.ndarray:
+def decoded(vae: AutoEncoder, latent: np.ndarray) -> np.ndarray:
     """Mean configurations (n, eta) [rad] at latent points (n, d)."""
     with torch.no_grad():
-        return vae.decoder.means(torch.tensor(latent)).numpy()
+        return vae.decoder.means(torch.tensor(latent)).coordinates.numpy()
 
 
-def tool_error(vae: JointSpaceVAE, robot: Robot, configurations: np.ndarray) -> float:
+def tool_error(vae: AutoEncoder, robot: Robot, configurations: np.ndarray) -> float:
     """Mean distance [m] of the tool in configurations (..., eta) [rad] from where it is in what comes back of them."""
     with torch.no_grad():
-        given_back = vae.decoder.means(vae.encoder(torch.tensor(configurations))[0]).numpy()
+        given_back = vae.decoder.means(vae.encoder(torch.tensor(configurations))[0]).coordinates.numpy()
     off = tool_positions(robot, given_back) - tool_positions(robot, configurations)
     return float(np.linalg.norm(off, axis=-1).mean())

@@ -45,7 +45,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from geodesic_motion_ros.demonstrations.joint_canonical import along_body_arc
+from geodesic_motion_ros.demonstrations.canonical import along_body_arc
 from geodesic_motion_ros.manifold.ambient_law import AmbientLaw
 from geodesic_motion_ros.manifold.ambient_metric import ambient_factor
 from geodesic_motion_ros.obstacles.obstacles import Obstacles

@@ -1,6 +1,6 @@
 """The paper's toy of joint space: a planar arm of two joints draws an S, in both postures that each point leaves it.
 
-Configurations are learned by the networks that learn whole arms (`learning.joint_space`), the metric is seen at the
+Configurations are learned by the networks that learn whole arms (`learning.autoencoder`), the metric is seen at the
 arm's body points. From the first configuration of a few demonstrations, each to the last one of the next of the same
 posture:
 
@@ -34,10 +34,11 @@ from matplotlib.lines import Line2D
 from scipy.spatial import cKDTree
 from tqdm import tqdm
 
+from geodesic_motion_ros.learning.autoencoder import AutoEncoder
 from geodesic_motion_ros.learning.body_layer import BodyLayer
-from geodesic_motion_ros.learning.joint_space import JointSpaceVAE
-from geodesic_motion_ros.learning.joint_training import body_layer, train_joint_model
+from geodesic_motion_ros.learning.likelihoods import ConfigurationLikelihood
 from geodesic_motion_ros.learning.settings import JointTrainingSettings
+from geodesic_motion_ros.learning.training import train_model
 from geodesic_motion_ros.manifold.configuration_graph import JointMetricSettings
 from geodesic_motion_ros.robot.body_points import place_body_points
 from geodesic_motion_ros.robot.kinematics import FOLDER, Robot
@@ -234,7 +235,7 @@ class ToyJoint(Study):
         for seed in tqdm(self.seeds, desc="toy-joint", unit="seed"):
             for training, named in zip((self.ours, self.literal), metrics, strict=True):
                 chosen = changed(training, far_sigma=self.far_sigma, bandwidth_factor=self.bandwidth_factor, seed=seed)
-                toy = _Toy(robot, shown, train_joint_model(shown, chosen, body_layer(robot, chosen.metric)))
+                toy = _Toy(robot, shown, train_model((shown,), ConfigurationLikelihood(chosen, robot)))
                 landscapes.append(toy.landscape(chosen.metric))
                 rows += [_measured(toy, name, metric, seed) for name, metric in named.items()]
         order = [name for named in metrics for name in named]
@@ -245,7 +246,7 @@ class ToyJoint(Study):
 class _Toy:
     """A learned toy: its codes and the box that is searched."""
 
-    def __init__(self, robot: Robot, shown: np.ndarray, vae: JointSpaceVAE) -> None:
+    def __init__(self, robot: Robot, shown: np.ndarray, vae: AutoEncoder) -> None:
         self.robot, self.vae, self._shown = robot, vae, between_samples(shown).reshape(-1, 2)
         self._drawn = self.tool(self._shown)
         with torch.no_grad():
@@ -264,7 +265,7 @@ class _Toy:
 
     def decoded(self, latent: np.ndarray) -> JointCurve:
         with torch.no_grad():
-            configurations = self.vae.decoder.means(torch.tensor(latent)).numpy()
+            configurations = self.vae.decoder.means(torch.tensor(latent)).coordinates.numpy()
         tool = self.tool(configurations)
         off = [cKDTree(shown).query(found)[0] for shown, found in ((self._drawn, tool), (self._shown, configurations))]
         return JointCurve(latent, configurations, tool, np.stack(off, axis=1))

@@ -1,6 +1,6 @@
 """The paper's toy: a J in the plane with orientations that draw a C on the sphere S^2, each shown with both signs.
 
-Position and orientation are learned together on R^2 x S^2 by the networks that learn poses (`learning.task_space`),
+Position and orientation are learned together on R^2 x S^2 by the networks that learn poses (`learning.autoencoder`),
 with von Mises-Fisher densities on S^2. From the first point of a few demonstrations, each to the last one of the next:
 
 geodesic        shortest path on a grid under the pull-back metric, bent by gradient descent
@@ -35,8 +35,9 @@ from matplotlib.lines import Line2D
 from scipy.spatial import cKDTree
 from tqdm import tqdm
 
+from geodesic_motion_ros.learning.autoencoder import AutoEncoder
+from geodesic_motion_ros.learning.likelihoods import PoseLikelihood
 from geodesic_motion_ros.learning.settings import TrainingSettings
-from geodesic_motion_ros.learning.task_space import TaskSpaceVAE
 from geodesic_motion_ros.learning.training import train_model
 from geodesic_motion_ros.manifold.pose_graph import MetricSettings
 from geodesic_motion_ros.utils.tables import text_table
@@ -85,9 +86,9 @@ class ToyPoses:
 
     @property
     def doubled(self) -> tuple[np.ndarray, np.ndarray]:
-        """All poses once more with the other sign: positions (2 N T, 2) and directions (2 N T, 3)."""
-        positions, directions = self.positions.reshape(-1, 2), self.directions.reshape(-1, 3)
-        return np.concatenate([positions, positions]), np.concatenate([directions, -directions])
+        """All poses once more with the other sign: positions (2 N, T, 2) and directions (2 N, T, 3)."""
+        doubled = np.concatenate([self.positions, self.positions])
+        return doubled, np.concatenate([self.directions, -self.directions])
 
     def distances(self, positions: np.ndarray, directions: np.ndarray) -> np.ndarray:
         """How far poses (m, 2), (m, 3) are from the nearest that was shown, of either sign: (m, 2), [m] and [rad].
@@ -241,13 +242,12 @@ class ToyTask(Study):
 
     def measure(self, out: Path) -> ToyTaskReport:
         shown = self.shown or toy_demonstrations()
-        fractions = np.tile(np.linspace(0.0, 1.0, shown.positions.shape[1]), 2 * len(shown.positions))
         training = changed(self.training, far_sigma=self.far_sigma, bandwidth_factor=self.bandwidth_factor)
         rows, landscapes = [], {}
         for seed in tqdm(self.seeds, desc="toy-task", unit="seed"):
             for likelihood, orientation_model in LIKELIHOODS.items():
                 chosen = replace(training, seed=seed, orientation_model=orientation_model)
-                toy = _Toy(shown, train_model(*shown.doubled, fractions, chosen))
+                toy = _Toy(shown, train_model(shown.doubled, PoseLikelihood(chosen)))
                 landscapes.setdefault(likelihood, toy.landscape())
                 rows += [_measured(toy, metric, likelihood, seed) for of, metric in ROWS if of == likelihood]
         order = {name: number for number, name in enumerate(ROWS)}
@@ -258,11 +258,11 @@ class ToyTask(Study):
 class _Toy:
     """A learned toy: its codes and the box that is searched."""
 
-    def __init__(self, shown: ToyPoses, vae: TaskSpaceVAE) -> None:
+    def __init__(self, shown: ToyPoses, vae: AutoEncoder) -> None:
         self.shown, self.vae = shown, vae
         with torch.no_grad():
             codes = vae.encoder(*map(torch.tensor, shown.doubled))[0].numpy()
-        self.codes = codes.reshape(2 * len(shown.positions), -1, 2)
+        self.codes = codes
         self.grid = grid_around(self.codes, SIDE, _BORDER)
 
     def metric(self, name: str) -> PullbackMetric:

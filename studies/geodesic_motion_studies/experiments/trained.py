@@ -18,7 +18,6 @@ from tqdm import tqdm
 import geodesic_motion_ros
 from geodesic_motion_ros.demonstrations.demonstrations import Demonstrations
 from geodesic_motion_ros.demonstrations.joint_demonstrations import JointDemonstrations
-from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.skill.skill import Skill
 from geodesic_motion_ros.utils.errors import ParameterError, SkillError
 from geodesic_motion_studies.experiments.study import OfRecordings, Report, seeds, steps
@@ -139,13 +138,9 @@ def train_anew(
     settings: TrainingSettings | JointTrainingSettings,
     progress: Callable[[str, int, int], None] | None,
 ) -> Skill:
-    if isinstance(shown, JointDemonstrations):
-        from geodesic_motion_ros.learning.joint_training import train_joint_space_skill
+    from geodesic_motion_ros.learning.training import train_skill
 
-        return train_joint_space_skill(shown, Robot.named(shown.robot), settings, name=task, progress=progress)
-    from geodesic_motion_ros.learning.training import train_task_space_skill
-
-    return train_task_space_skill(shown, settings, name=task, progress=progress)
+    return train_skill(shown, settings, name=task, progress=progress)
 
 
 def _cached(folder: Path) -> Skill | None:
@@ -162,28 +157,24 @@ def _digest(
     demonstrations: Demonstrations | JointDemonstrations, settings: TrainingSettings | JointTrainingSettings
 ) -> str:
     if isinstance(demonstrations, JointDemonstrations):
-        return digest_of([item.configurations for item in demonstrations], settings, "joint_training")
+        return digest_of([item.configurations for item in demonstrations], settings)
     poses = [array for item in demonstrations for array in (item.positions, item.quaternions)]
-    return digest_of(poses, settings, "training")
+    return digest_of(poses, settings)
 
 
-def digest_of(
-    arrays: Sequence[np.ndarray], settings: TrainingSettings | JointTrainingSettings, module: str
-) -> str:
+def digest_of(arrays: Sequence[np.ndarray], settings: TrainingSettings | JointTrainingSettings) -> str:
     """Name of a training in a cache: of the arrays that are learned, the settings, and the code (`training_code`)."""
     digest = hashlib.sha256(json.dumps(asdict(settings), sort_keys=True).encode())
     for array in arrays:
         digest.update(np.ascontiguousarray(array).tobytes())
-    digest.update(training_code(module))
+    digest.update(training_code())
     return digest.hexdigest()[:16]
 
 
-def training_code(module: str = "training") -> bytes:
-    """Digest of the module of `learning` that trains and of all of this package that it imports: another version
-    learns otherwise.
-    """
+def training_code() -> bytes:
+    """Digest of `learning.training` and of all of the package that it imports: another version learns otherwise."""
     package = Path(geodesic_motion_ros.__path__[0])
-    trains = find_spec(f"geodesic_motion_ros.learning.{module}")
+    trains = find_spec("geodesic_motion_ros.learning.training")
     assert trains is not None
     assert trains.origin is not None
     waiting, meanings = [Path(trains.origin)], {}

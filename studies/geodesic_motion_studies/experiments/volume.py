@@ -26,11 +26,11 @@ from matplotlib.figure import Figure
 from tqdm import tqdm
 
 from geodesic_motion_ros.cli.arguments import metres
-from geodesic_motion_ros.demonstrations.joint_canonical import along_body_arc
+from geodesic_motion_ros.demonstrations.canonical import along_body_arc
 from geodesic_motion_ros.demonstrations.joint_demonstrations import JointDemonstrations
 from geodesic_motion_ros.demonstrations.modes import cluster_modes
 from geodesic_motion_ros.demonstrations.readers import read_joint_demonstrations
-from geodesic_motion_ros.learning.joint_training import body_layer
+from geodesic_motion_ros.learning.likelihoods import body_layer
 from geodesic_motion_ros.learning.settings import JointTrainingSettings
 from geodesic_motion_ros.manifold.configuration_graph import JointMetricSettings
 from geodesic_motion_ros.paper.paper_planner import PaperPlanner

@@ -7,8 +7,8 @@ from dataclasses import dataclass, field
 import torch
 from torch import Tensor
 
+from geodesic_motion_ros.learning.autoencoder import DecoderNetwork
 from geodesic_motion_ros.learning.body_layer import BodyLayer
-from geodesic_motion_ros.learning.joint_space import JointDecoderNetwork
 from geodesic_motion_ros.manifold.configuration_graph import JointMetricSettings
 
 
@@ -28,20 +28,20 @@ class JointPullbackMetric:
     settings : weights of the metric.
     """
 
-    decoder: JointDecoderNetwork
+    decoder: DecoderNetwork
     body: BodyLayer
     settings: JointMetricSettings = field(default_factory=JointMetricSettings)
 
     def features(self, latent: Tensor) -> Tensor:
         """(mu, s sigma), (..., 2 eta) [rad], at latent points (..., d)."""
         sigma = 1.0 / self.decoder.inverse_sigma(latent)
-        return torch.cat([self.decoder.means(latent), self.settings.sigma_weight * sigma], dim=-1)
+        return torch.cat([self.decoder.means(latent).coordinates, self.settings.sigma_weight * sigma], dim=-1)
 
     def __call__(self, latent: Tensor) -> Tensor:
         """Metric tensors (n, d, d) at latent points (n, d)."""
         slopes = torch.func.vmap(torch.func.jacfwd(self.features))(latent)
         slopes = slopes.unflatten(1, (2, -1))
-        means = self.decoder.means(latent)
+        means = self.decoder.means(latent).coordinates
         jacobians = self.body.jacobians(means)
         moved = torch.einsum("nkaj,npjd->nkpad", jacobians, slopes) / jacobians.shape[1] ** 0.5
         tool = torch.einsum("naj,npjd->npad", self.body.orientation_jacobians(means), slopes)

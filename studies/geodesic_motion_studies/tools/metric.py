@@ -13,7 +13,7 @@ from dataclasses import dataclass, field
 import torch
 from torch import Tensor
 
-from geodesic_motion_ros.learning.task_space import DecoderNetwork
+from geodesic_motion_ros.learning.autoencoder import DecoderNetwork
 from geodesic_motion_ros.manifold.pose_graph import MetricSettings
 
 #: A Riemannian metric: latent points (n, d) to symmetric positive definite tensors (n, d, d), differentiable.
@@ -66,7 +66,8 @@ class PullbackMetric:
         means, precisions = self.decoder.means(latent), self.decoder.precisions(latent)
         kappa = precisions.kappa
         scale = kappa**-0.5 if self.settings.orientation_scale == "spread" else kappa
-        return torch.cat([means.positions, 1.0 / precisions.inverse_sigma, means.quaternions, scale[..., None]], dim=-1)
+        parts = (means.coordinates, 1.0 / precisions.inverse_sigma, means.directions, scale[..., None])
+        return torch.cat(parts, dim=-1)
 
     def jacobian(self, latent: Tensor) -> Tensor:
         """Jacobian (n, 11, d) of the features at latent points (n, d)."""
@@ -79,7 +80,7 @@ class PullbackMetric:
         coordinates = len(self.decoder.offset)
         weights[:, coordinates : 2 * coordinates] = self.settings.sigma_weight**2
         if self.ambient is not None:
-            factor = self.ambient(self.decoder.means(latent).positions)[:, None]
+            factor = self.ambient(self.decoder.means(latent).coordinates)[:, None]
             weights = torch.cat([weights[:, : 2 * coordinates] * factor, weights[:, 2 * coordinates :]], dim=-1)
         return torch.einsum("nfi,nf,nfj->nij", jacobian, weights, jacobian)
 

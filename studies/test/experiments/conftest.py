@@ -9,7 +9,7 @@ import pytest
 
 from geodesic_motion_ros.demonstrations.demonstrations import Demonstration, Demonstrations
 from geodesic_motion_ros.geometry.quaternions import rotate_by
-from geodesic_motion_ros.learning.training import train_task_space_skill
+from geodesic_motion_ros.learning.training import train_skill
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.skill.skill import Skill
 
@@ -43,12 +43,12 @@ def reach_poses(reach_demonstrations) -> Demonstrations:
 def reach_pose_skill(stored, reach_poses: Demonstrations) -> Skill:
     """A skill of task space of the same reaches, on the canonical sheet."""
     from geodesic_motion_ros.learning.settings import TrainingSettings
-    from geodesic_motion_ros.learning.training import train_task_space_skill
+    from geodesic_motion_ros.learning.training import train_skill
 
     settings = TrainingSettings(
         steps=800, hidden=(64, 32), samples=80, kernels=100, precision_samples=2, precision_iterations=60
     )
-    return stored("reach_poses", lambda: train_task_space_skill(reach_poses, settings, name="reach poses"))
+    return stored("reach_poses", lambda: train_skill(reach_poses, settings, name="reach poses"))
 
 
 @pytest.fixture(scope="session")
@@ -65,13 +65,13 @@ def pouring_poses() -> Demonstrations:
 def pouring_pose_skill(stored, pouring_poses: Demonstrations) -> Skill:
     """A skill of task space of those pourings, on the raw sheet."""
     from geodesic_motion_ros.learning.settings import TrainingSettings
-    from geodesic_motion_ros.learning.training import train_task_space_skill
+    from geodesic_motion_ros.learning.training import train_skill
 
     settings = TrainingSettings(
         steps=900, batch=128, learning_rate=6e-3, hidden=(64, 32), samples=60, kernels=100, precision_samples=2,
         precision_iterations=40, sheet="raw",
     )  # fmt: skip
-    return stored("pouring_poses", lambda: train_task_space_skill(pouring_poses, settings, name="pouring poses"))
+    return stored("pouring_poses", lambda: train_skill(pouring_poses, settings, name="pouring poses"))
 
 
 @pytest.fixture(scope="session")
@@ -85,7 +85,7 @@ def stored_in(stored) -> Callable[[ModuleType], AbstractContextManager[list[Skil
         taken: list[Skill] = []
 
         def take(task, shown, settings, folder) -> Skill:
-            taken.append(stored(task, lambda: train_task_space_skill(shown, settings, name=task)))
+            taken.append(stored(task, lambda: train_skill(shown, settings, name=task)))
             return taken[-1]
 
         with pytest.MonkeyPatch.context() as patch:

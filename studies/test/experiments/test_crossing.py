@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from geodesic_motion_ros.learning.settings import TrainingSettings
-from geodesic_motion_ros.learning.training import train_task_space_skill
+from geodesic_motion_ros.learning.training import train_skill
 from geodesic_motion_ros.utils.errors import ParameterError
 from geodesic_motion_ros.utils.tables import write_json
 from geodesic_motion_studies.experiments.crossing import (
@@ -20,7 +20,7 @@ from geodesic_motion_studies.experiments.trained import Trained
 @pytest.fixture(scope="module")
 def skill(stored, demonstrations):
     settings = TrainingSettings(sheet="raw", steps=600, hidden=(64, 32), kernels=150)
-    return stored("cup", lambda: train_task_space_skill(demonstrations, settings, name="cup"))
+    return stored("cup", lambda: train_skill(demonstrations, settings, name="cup"))
 
 
 def test_changing_clusters_is_dear_and_flips_the_sign(skill, demonstrations):

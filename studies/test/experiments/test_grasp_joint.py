@@ -8,8 +8,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from geodesic_motion_ros.learning.joint_training import train_joint_space_skill
 from geodesic_motion_ros.learning.settings import JointTrainingSettings
+from geodesic_motion_ros.learning.training import train_skill
 from geodesic_motion_ros.paper.paper_planner import PaperPlanner
 from geodesic_motion_ros.planning.planner import ReactivePlanner
 from geodesic_motion_ros.planning.settings import PlannerSettings
@@ -39,7 +39,7 @@ BOX = (20, 20, 20)
 
 @pytest.fixture(scope="module")
 def report(stored, separated_demonstrations, reach_demonstrations, reach_skill) -> GraspJointReport:
-    apart = stored("separated", lambda: train_joint_space_skill(separated_demonstrations, ROBOT, SMALL))
+    apart = stored("separated", lambda: train_skill(separated_demonstrations, SMALL))
     sets = {"separated": (apart, separated_demonstrations), "meeting": (reach_skill, reach_demonstrations)}
     skills, drawn, made, again = [], {}, [], {}
     for kind, (skill, shown) in sets.items():

@@ -5,7 +5,7 @@ import pytest
 
 from geodesic_motion_ros.demonstrations.demonstrations import Demonstrations
 from geodesic_motion_ros.learning.settings import TrainingSettings
-from geodesic_motion_ros.learning.training import train_task_space_skill
+from geodesic_motion_ros.learning.training import train_skill
 from geodesic_motion_ros.utils.errors import DemonstrationError, ParameterError
 from geodesic_motion_studies.experiments.imitation import evaluate
 from geodesic_motion_studies.experiments.imitation_report import COLUMNS, ROWS, ImitationReport
@@ -23,7 +23,7 @@ def train_briefly(stored):
         )
         kind = "poses" if demonstrations.has_orientation else "positions"
         name = f"cup_{kind}_{sheet}_of_{len(demonstrations)}"
-        return stored(name, lambda: train_task_space_skill(demonstrations, settings, name=name, progress=progress))
+        return stored(name, lambda: train_skill(demonstrations, settings, name=name, progress=progress))
 
     return train
 

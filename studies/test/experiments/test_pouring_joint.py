@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from geodesic_motion_ros.demonstrations.joint_demonstrations import JointDemonstration, JointDemonstrations
-from geodesic_motion_ros.learning.joint_training import train_joint_space_skill
 from geodesic_motion_ros.learning.settings import JointTrainingSettings
+from geodesic_motion_ros.learning.training import train_skill
 from geodesic_motion_ros.paper.paper_planner import PaperPlanner
 from geodesic_motion_ros.planning.planner import ReactivePlanner
 from geodesic_motion_ros.planning.settings import PlannerSettings
@@ -44,7 +44,7 @@ def report(stored) -> PouringJointReport:
     commanded = [thinned(guidance) for guidance in pouring_guidances(2, 0)]
     items = [JointDemonstration(configurations(ROBOT, g), g.motion.times, g.motion.name) for g in commanded]
     shown = JointDemonstrations(tuple(items), ROBOT.joint_names, "panda")
-    skill = stored("pouring", lambda: train_joint_space_skill(shown, ROBOT, SMALL, name="pouring"))
+    skill = stored("pouring", lambda: train_skill(shown, SMALL, name="pouring"))
     planner = ReactivePlanner(skill, COARSE)
     families, tools = Families.of(shown, 3), shown.tool_demonstrations(ROBOT)
     players = OurArm(planner, families), LiteralArm(PaperPlanner(skill, shape=(20, 20, 20)), families)

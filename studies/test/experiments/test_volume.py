@@ -10,7 +10,7 @@ import pytest
 
 from geodesic_motion_ros.demonstrations.joint_demonstrations import JointDemonstrations
 from geodesic_motion_ros.learning.body_layer import EPSILON
-from geodesic_motion_ros.learning.joint_training import TOOL_AXES
+from geodesic_motion_ros.learning.likelihoods import TOOL_AXES
 from geodesic_motion_ros.learning.settings import JointTrainingSettings
 from geodesic_motion_ros.manifold.configuration_graph import JointMetricSettings
 from geodesic_motion_ros.robot.body_points import (
@@ -43,9 +43,7 @@ def test_the_volume_of_a_posture_is_that_of_the_learning(metric: JointMetricSett
     turning = metric.orientation_weight * tool_orientation_jacobians(configurations, robot)
     stacked = np.concatenate([jacobians.reshape(len(jacobians), -1, 7), turning], axis=1)
     gram = stacked.transpose(0, 2, 1) @ stacked + EPSILON**2 * np.eye(7)
-    np.testing.assert_allclose(
-        log_volumes(configurations, robot, metric), 0.5 * np.linalg.slogdet(gram)[1], atol=1e-6
-    )
+    np.testing.assert_allclose(log_volumes(configurations, robot, metric), 0.5 * np.linalg.slogdet(gram)[1], atol=1e-6)
 
 
 def test_a_strong_term_makes_the_body_move_less(reach_demonstrations: JointDemonstrations, tmp_path: Path) -> None:

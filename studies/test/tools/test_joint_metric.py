@@ -7,8 +7,8 @@ import pytest
 import torch
 from torch import nn
 
+from geodesic_motion_ros.learning.autoencoder import DecoderNetwork
 from geodesic_motion_ros.learning.body_layer import BodyLayer
-from geodesic_motion_ros.learning.joint_space import JointDecoderNetwork
 from geodesic_motion_ros.learning.networks import RadialBasisNetwork
 from geodesic_motion_ros.learning.settings import JointTrainingSettings
 from geodesic_motion_ros.manifold.configuration_graph import JointMetricSettings, build_configuration_graph
@@ -18,12 +18,12 @@ from geodesic_motion_studies.tools.joint_metric import JointPullbackMetric
 from geodesic_motion_studies.tools.metric import curve_energy
 
 
-def small_decoder() -> JointDecoderNetwork:
+def small_decoder() -> DecoderNetwork:
     """An untrained decoder of Panda's joints, with random weights everywhere."""
     with torch.random.fork_rng():
         torch.manual_seed(3)
         offset = torch.tensor(Robot.named("panda").ready.copy())
-        decoder = JointDecoderNetwork(2, (20, 10), offset, torch.tensor(0.5).double()).double()
+        decoder = DecoderNetwork(2, (20, 10), offset, torch.tensor(0.5).double()).double()
         network = RadialBasisNetwork(
             torch.randn(30, 2).double(),
             torch.tensor(2.5).double(),

@@ -9,7 +9,7 @@ import pytest
 from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
 
-from geodesic_motion_ros.demonstrations.joint_canonical import along_body_arc
+from geodesic_motion_ros.demonstrations.canonical import along_body_arc
 from geodesic_motion_ros.geometry.distance_field import DistanceField
 from geodesic_motion_ros.geometry.shapes import solid_distances, solid_rows
 from geodesic_motion_ros.manifold.metric_field import curve_length
@@ -107,9 +107,7 @@ def test_a_motion_that_would_be_no_gain_is_not_certified(planner, start, goal) -
     planner.clear_goal()
     planner.stand_at(start, 0.0)
     query, still = planner.prepared_configuration(goal).query, np.zeros_like(start)
-    single = Solver(
-        planner.skill, planner.graph, planner.settings, planner.robot, planner.collision, planner.limits
-    )
+    single = Solver(planner.skill, planner.graph, planner.settings, planner.robot, planner.collision, planner.limits)
     state = MotionState(0.0, start, still, still, None)
     plan = single.solve(query, state, Obstacles.none(), single.attempts[:1])
     duration = plan.reference.duration

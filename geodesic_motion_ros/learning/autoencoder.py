@@ -1,0 +1,228 @@
+"""The variational auto-encoder of an output space, R^3 x S^3, the poses of a tool, or R^eta, configurations of an arm.
+
+    p(x, q | z) = N(x | mu(z), diag(sigma(z)^2)) p(q | mu_q(z), kappa(z))        p(theta | z) = N(theta | mu(z), ...)
+
+A point of R^p x S^(o-1) has p coordinates and a unit direction of o numbers: p = 3 and o = 4 for poses, p = eta and
+o = 0, no direction, for configurations, p = 2 and o = 3 for the toy of the paper. mu and mu_q are the outputs of one
+perceptron, 1 / sigma and kappa radial-basis-function networks (Beik-Mohammadi et al., "Reactive motion generation on
+learned Riemannian manifolds", IJRR 2023, sections 3.1 and 3.2).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Literal, NamedTuple
+
+import numpy as np
+import torch
+from torch import Tensor, nn
+
+from geodesic_motion_ros.learning.densities import (
+    antipodal_log_density,
+    gaussian_log_density,
+    von_mises_fisher_log_density,
+)
+from geodesic_motion_ros.learning.networks import MultilayerPerceptron, RadialBasisNetwork, as_array, layer_arrays
+from geodesic_motion_ros.manifold.decoder import TaskSpaceDecoder
+from geodesic_motion_ros.manifold.joint_decoder import JointSpaceDecoder
+
+OrientationModel = Literal["two_cluster", "sign_blind", "none"]
+
+
+class Means(NamedTuple):
+    """Mean coordinates (..., p) [m] or [rad] and unit mean directions (..., o) of a batch of latent points."""
+
+    coordinates: Tensor
+    directions: Tensor
+
+
+class Precisions(NamedTuple):
+    """Reciprocal deviations of coordinates (..., p) [1/m] or [1/rad] and concentrations (...) of directions, if any."""
+
+    inverse_sigma: Tensor
+    kappa: Tensor | None
+
+
+@dataclass(frozen=True)
+class FixedPrecisions:
+    """Likelihood scales that do not depend on z, for learning the means first.
+
+    Attributes
+    ----------
+    sigma : standard deviation of every coordinate [m] or [rad].
+    kappa : concentration of the directions; None: there are none.
+    """
+
+    sigma: float
+    kappa: float | None
+
+    def __call__(self, latent: Tensor) -> Precisions:
+        like = latent[..., 0]
+        kappa = None if self.kappa is None else torch.full_like(like, self.kappa)
+        return Precisions(torch.full_like(like, 1.0 / self.sigma)[..., None], kappa)
+
+
+class EncoderNetwork(nn.Module):
+    """q(z | x, q) = N(mean, diag(exp(log_variance))): tanh layers, then both outputs from one linear layer.
+
+    Parameters
+    ----------
+    latent_dimension : d.
+    hidden : units of the hidden layers, from the output space inwards.
+    offset, scale : coordinates enter as (x - offset) / scale; offset (p,), scale () [m] or [rad].
+    direction : o, the numbers of a direction.
+    """
+
+    def __init__(
+        self, latent_dimension: int, hidden: Sequence[int], offset: Tensor, scale: Tensor, direction: int = 0
+    ) -> None:
+        super().__init__()
+        self.register_buffer("offset", offset)
+        self.register_buffer("scale", scale)
+        self.direction = direction
+        self.perceptron = MultilayerPerceptron([len(offset) + direction, *hidden, 2 * latent_dimension])
+
+    def forward(self, coordinates: Tensor, directions: Tensor | None = None) -> tuple[Tensor, Tensor]:
+        """Mean and log variance, both (..., d), of coordinates (..., p) [m] or [rad] and unit directions (..., o)."""
+        inputs = (coordinates - self.offset) / self.scale
+        if directions is not None:
+            inputs = torch.cat([inputs, directions], dim=-1)
+        mean, log_variance = self.perceptron(inputs).chunk(2, dim=-1)
+        return mean, log_variance
+
+    def arrays(self) -> dict[str, np.ndarray]:
+        """Weights by the names that the encoders of `manifold.encoder` read (the mean's rows only)."""
+        named = layer_arrays(self.perceptron)
+        latent_dimension = len(named["b3"]) // 2
+        named["W3"], named["b3"] = named["W3"][:latent_dimension], named["b3"][:latent_dimension]
+        return named | _scaling_arrays(self)
+
+
+class DecoderNetwork(nn.Module):
+    """Decodes latent points z into the output space with its uncertainties: mu(z), mu_q(z), 1 / sigma(z) and kappa(z).
+
+    Parameters
+    ----------
+    latent_dimension : d.
+    hidden : units of the hidden layers, from the latent space outwards.
+    offset, scale : mean coordinates are offset (p,) + scale () times the network's first p outputs, [m] or [rad].
+    direction : o, the numbers of a direction.
+
+    `precisions` has to be given its radial-basis networks (`set_precisions`) before sigma and kappa are known.
+    """
+
+    def __init__(
+        self, latent_dimension: int, hidden: Sequence[int], offset: Tensor, scale: Tensor, direction: int = 0
+    ) -> None:
+        super().__init__()
+        self.register_buffer("offset", offset)
+        self.register_buffer("scale", scale)
+        self.direction = direction
+        self.perceptron = MultilayerPerceptron([latent_dimension, *hidden, len(offset) + direction])
+        self.inverse_sigma: RadialBasisNetwork | None = None
+        self.kappa: RadialBasisNetwork | None = None
+
+    def means(self, latent: Tensor) -> Means:
+        """Mean coordinates and directions at latent points (..., d)."""
+        outputs, p = self.perceptron(latent), len(self.offset)
+        return Means(self.offset + self.scale * outputs[..., :p], nn.functional.normalize(outputs[..., p:], dim=-1))
+
+    def precisions(self, latent: Tensor) -> Precisions:
+        """1 / sigma and kappa at latent points (..., d)."""
+        return self.combined_precisions(self.inverse_sigma.activations(latent))
+
+    def combined_precisions(self, activations: Tensor) -> Precisions:
+        """1 / sigma and kappa from the activations (..., K) of the kernels that both networks share."""
+        kappa = None if self.kappa is None else self.kappa.combine(activations)[..., 0]
+        return Precisions(self.inverse_sigma.combine(activations), kappa)
+
+    def set_precisions(self, inverse_sigma: RadialBasisNetwork, kappa: RadialBasisNetwork | None = None) -> None:
+        """Install the radial-basis networks, which must have the same centres and rate; kappa for directions alone."""
+        self.inverse_sigma, self.kappa = inverse_sigma, kappa
+
+    def to_numpy(self) -> TaskSpaceDecoder | JointSpaceDecoder:
+        """The same decoder without torch, as skills store it."""
+        arrays = layer_arrays(self.perceptron) | _scaling_arrays(self)
+        arrays |= {
+            "rbf_centres": as_array(self.inverse_sigma.centres), "rbf_rate": as_array(self.inverse_sigma.rate),
+            "sigma_weights": as_array(self.inverse_sigma.weights), "sigma_floor": as_array(self.inverse_sigma.floor),
+        }  # fmt: skip
+        if self.kappa is None:
+            return JointSpaceDecoder(**arrays)
+        kappa_weights, kappa_floor = as_array(self.kappa.weights[0]), as_array(self.kappa.floor[0])
+        return TaskSpaceDecoder(**arrays, kappa_weights=kappa_weights, kappa_floor=kappa_floor)
+
+    @classmethod
+    def from_numpy(cls, decoder: TaskSpaceDecoder) -> DecoderNetwork:
+        """The differentiable twin (float64) of a skill's decoder of poses, for metrics and continuous geodesics."""
+        tensors = {name: torch.tensor(value) for name, value in decoder.arrays().items()}
+        scaling = tensors["position_offset"], tensors["position_scale"]
+        network = cls(decoder.latent_dimension, [len(decoder.b1), len(decoder.b2)], *scaling, direction=4).double()
+        with torch.no_grad():
+            for layer, number in zip(network.perceptron.layers, "123", strict=True):
+                layer.weight.copy_(tensors["W" + number])
+                layer.bias.copy_(tensors["b" + number])
+        network.set_precisions(
+            _basis_network(tensors, tensors["sigma_weights"], tensors["sigma_floor"]),
+            _basis_network(tensors, tensors["kappa_weights"][None], tensors["kappa_floor"][None]),
+        )
+        return network.requires_grad_(False)
+
+
+class AutoEncoder(nn.Module):
+    """Encoder and decoder of an output space, with the densities of the evidence lower bound.
+
+    Parameters
+    ----------
+    latent_dimension : d.
+    hidden : units of the encoder's hidden layers; the decoder has them in reverse.
+    offset, scale : scaling of coordinates, (p,) and () [m] or [rad]: one scalar, so that they keep their proportions.
+    orientation_model : "two_cluster": p(q | z) is one von Mises-Fisher density, so q and -q, both in the data, lie in
+        two separate clusters. "sign_blind": the mixture 1/2 vMF(mu_q) + 1/2 vMF(-mu_q), under which q and -q are the
+        same observation. "none": there are no directions.
+    direction : o, the numbers of a direction.
+    """
+
+    def __init__(
+        self,
+        latent_dimension: int,
+        hidden: Sequence[int],
+        offset: Tensor,
+        scale: Tensor,
+        orientation_model: OrientationModel = "none",
+        direction: int = 0,
+    ) -> None:
+        super().__init__()
+        self.encoder = EncoderNetwork(latent_dimension, hidden, offset, scale, direction)
+        self.decoder = DecoderNetwork(latent_dimension, list(reversed(hidden)), offset, scale, direction)
+        self.orientation_model = orientation_model
+
+    def coordinate_log_density(self, coordinates: Tensor, means: Means, precisions: Precisions) -> Tensor:
+        """log p(x | z) (...)."""
+        return gaussian_log_density(coordinates, means.coordinates, precisions.inverse_sigma.expand_as(coordinates))
+
+    def direction_log_density(self, directions: Tensor, means: Means, precisions: Precisions) -> Tensor:
+        """log p(q | z) (...) under the model's density of directions."""
+        density = antipodal_log_density if self.orientation_model == "sign_blind" else von_mises_fisher_log_density
+        return density(directions, means.directions, precisions.kappa)
+
+    def sample(self, coordinates: Tensor, directions: Tensor | None = None) -> tuple[Tensor, Tensor, Tensor]:
+        """z ~ q(z | x, q), and the mean and log variance of that density, all (..., d).
+
+        The noise comes from the global generator.
+        """
+        mean, log_variance = self.encoder(coordinates, directions)
+        return mean + torch.exp(0.5 * log_variance) * torch.randn_like(mean), mean, log_variance
+
+
+def _scaling_arrays(network: EncoderNetwork | DecoderNetwork) -> dict[str, np.ndarray]:
+    """Offset and scale by the names that skills have for them."""
+    scaled = "position" if network.direction else "joint"
+    return {f"{scaled}_offset": as_array(network.offset), f"{scaled}_scale": as_array(network.scale)}
+
+
+def _basis_network(tensors: dict[str, Tensor], weights: Tensor, floor: Tensor) -> RadialBasisNetwork:
+    network = RadialBasisNetwork(tensors["rbf_centres"], tensors["rbf_rate"], floor, torch.ones_like(floor))
+    network.weights = weights
+    return network

@@ -1,0 +1,185 @@
+"""Demonstrations of one task as a training reads them: curves of poses, or of configurations, on either sheet."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from typing import Any, ClassVar, Literal
+
+import numpy as np
+
+from geodesic_motion_ros.demonstrations.canonical import (
+    CanonicalForm,
+    ConfigurationForm,
+    PoseForm,
+    configuration_curves,
+    mean_ends,
+    pose_curves,
+)
+from geodesic_motion_ros.demonstrations.demonstrations import Demonstrations
+from geodesic_motion_ros.demonstrations.joint_demonstrations import JointDemonstrations
+from geodesic_motion_ros.demonstrations.modes import blend_weights
+from geodesic_motion_ros.learning.autoencoder import Means, OrientationModel
+from geodesic_motion_ros.learning.likelihoods import ConfigurationLikelihood, Likelihood, PoseLikelihood
+from geodesic_motion_ros.learning.settings import CommonSettings, JointTrainingSettings, TrainingSettings
+from geodesic_motion_ros.manifold.configuration_graph import ConfigurationGraph
+from geodesic_motion_ros.manifold.joint_transport import JointOffsets
+from geodesic_motion_ros.manifold.pose_graph import PoseGraph
+from geodesic_motion_ros.manifold.transport import Offsets
+from geodesic_motion_ros.robot.body_points import end_effector_poses
+from geodesic_motion_ros.robot.description import DEFAULT_ROBOT
+from geodesic_motion_ros.robot.kinematics import Robot
+from geodesic_motion_ros.skill.sheet import DemonstratedEnds
+
+#: Samples of a demonstration whose codes a skill keeps, equally spaced along its arc.
+CODE_SAMPLES = 100
+#: Arrays (N, T, ...) of positions [m] and quaternions, or of configurations [rad] alone.
+Curves = tuple[np.ndarray, ...]
+
+
+class ShownTask(ABC):
+    """The demonstrations that a skill is learned from: what differs between the two output spaces.
+
+    Attributes
+    ----------
+    space : its name in skills.
+    names : of the demonstrations; frame : that their tool poses are expressed in.
+    robot : that is to do the task: the name of a shipped one, or the path of a folder.
+    orientation_model : of the skill.
+    likelihood : of samples of the space.
+    """
+
+    space: ClassVar[Literal["task", "joint"]]
+    settings: CommonSettings
+    names: list[str]
+    frame: str
+    robot: str
+    orientation_model: OrientationModel
+    likelihood: Likelihood
+    _form: CanonicalForm | None
+
+    def learned_curves(self) -> Curves:
+        """Make the curves that are learned; on the canonical sheet blends of demonstrations are among them."""
+        if self._form is None:
+            return self._raw_curves(self.settings.samples)
+        sheet = self._form.sheet(self.settings.samples)
+        weights = blend_weights(sheet.modes, self.settings.blends, self.settings.seed)
+        return tuple(map(np.concatenate, zip(sheet.curves, sheet.mean_curves(weights), strict=True)))
+
+    def coded_curves(self) -> tuple[Curves, DemonstratedEnds | None]:
+        """Make the curves whose codes a skill keeps, and the sheet that holds them, None on the raw one."""
+        if self._form is None:
+            return self._raw_code_curves(), None
+        sheet = self._form.sheet(CODE_SAMPLES).with_regression()
+        return sheet.curves, sheet
+
+    def opposite(self, curves: Curves) -> Curves | None:
+        """Write the same curves with the other signs of their quaternions; None where these say nothing."""
+        return None
+
+    @abstractmethod
+    def ends(self, curves: Curves) -> tuple[np.ndarray, np.ndarray]:
+        """Choose the mean first and last tool pose (7,) of the task; on the raw sheet of its coded curves."""
+
+    @abstractmethod
+    def tool_poses(self, values: Curves | Means) -> tuple[np.ndarray, np.ndarray]:
+        """Find the tool's positions (..., 3) [m] and quaternions (..., 4) in points of the space."""
+
+    @staticmethod
+    @abstractmethod
+    def energies(graph: Any) -> np.ndarray:
+        """Measure the squared lengths (m,) of a graph's edges where nothing is carried and no obstacle is near."""
+
+    @abstractmethod
+    def _raw_curves(self, samples: int) -> Curves: ...
+
+    def _raw_code_curves(self) -> Curves:
+        return self._raw_curves(CODE_SAMPLES)
+
+
+class ShownPoses(ShownTask):
+    """Poses of a tool. Every orientation is learned with both signs, unless the recordings have no orientation."""
+
+    space = "task"
+
+    def __init__(
+        self, demonstrations: Demonstrations, settings: TrainingSettings | None = None, robot: str | None = None
+    ) -> None:
+        self.settings = settings or TrainingSettings()
+        self._demonstrations = demonstrations.in_one_hemisphere()
+        self.names, self.frame = [item.name for item in demonstrations], demonstrations.frame
+        self.robot = robot or DEFAULT_ROBOT
+        self.likelihood = PoseLikelihood(self.settings)
+        # Recordings without orientation are learned with one sign only: there are no two clusters.
+        self.orientation_model = self.settings.orientation_model if demonstrations.has_orientation else "sign_blind"
+        canonical = self.settings.sheet == "canonical"
+        self._form = PoseForm(self._demonstrations, self.settings.rotation_length) if canonical else None
+
+    def learned_curves(self) -> Curves:
+        curves = super().learned_curves()
+        other = self.opposite(curves)
+        return curves if other is None else tuple(map(np.concatenate, zip(curves, other, strict=True)))
+
+    def opposite(self, curves: Curves) -> Curves | None:
+        return (curves[0], -curves[1]) if self._demonstrations.has_orientation else None
+
+    def ends(self, curves: Curves) -> tuple[np.ndarray, np.ndarray]:
+        return mean_ends(*curves) if self._form is None else (self._form.start, self._form.goal)
+
+    def tool_poses(self, values: Curves | Means) -> tuple[np.ndarray, np.ndarray]:
+        positions, quaternions = map(np.asarray, values)
+        return positions, quaternions
+
+    @staticmethod
+    def energies(graph: PoseGraph) -> np.ndarray:
+        return graph.transported(Offsets.none(graph.mean_path_count), np.zeros((1, 3))).energies()
+
+    def _raw_curves(self, samples: int) -> Curves:
+        """The arc counts turning as well (`curves.pose_arc_length`): with positions alone, a tool that turns nearly on
+        the spot would leave gaps of ten degrees and more between neighbouring samples.
+        """
+        return pose_curves(self._demonstrations, samples, self.settings.rotation_length)
+
+    def _raw_code_curves(self) -> Curves:
+        even = self._demonstrations.resampled(CODE_SAMPLES)
+        return even.positions_array(), even.quaternions_array()
+
+
+class ShownConfigurations(ShownTask):
+    """Configurations of an arm, which is the one that they were recorded with."""
+
+    space = "joint"
+    orientation_model = "none"
+
+    def __init__(
+        self,
+        demonstrations: JointDemonstrations,
+        settings: JointTrainingSettings | None = None,
+        robot: str | None = None,
+    ) -> None:
+        self.settings = settings or JointTrainingSettings()
+        self._demonstrations = demonstrations
+        self.robot = robot or demonstrations.robot
+        self._arm = Robot.named(self.robot)
+        self.names, self.frame = [item.name for item in demonstrations], self._arm.base_link
+        self.likelihood = ConfigurationLikelihood(self.settings, self._arm)
+        canonical = self.settings.sheet == "canonical"
+        self._form = ConfigurationForm(demonstrations, self._arm, self.settings.metric) if canonical else None
+
+    def ends(self, curves: Curves) -> tuple[np.ndarray, np.ndarray]:
+        if self._form is None:
+            ends = [curves[0][:, end].mean(axis=0) for end in (0, -1)]
+        else:
+            ends = [self._form.start_poles[0], self._form.goal_poles[0]]
+        start, goal = (np.concatenate(self._arm.forward(end)) for end in ends)
+        return start, goal
+
+    def tool_poses(self, values: Curves | Means) -> tuple[np.ndarray, np.ndarray]:
+        configurations = np.asarray(values[0])
+        return end_effector_poses(configurations.reshape(-1, configurations.shape[-1]), self._arm.chain)
+
+    @staticmethod
+    def energies(graph: ConfigurationGraph) -> np.ndarray:
+        return graph.transported(JointOffsets.none(graph.robot, graph.mean_path_count)).energies()
+
+    def _raw_curves(self, samples: int) -> Curves:
+        return configuration_curves(self._demonstrations, self._arm, self.settings.metric, samples)
