@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import numba
 import numpy as np
 
 #: The search ends at this bound on the squared error, over the distance found times the farthest corner's.
@@ -10,6 +11,8 @@ _TOLERANCE = 1e-15
 _ROUNDING = 1e-15
 #: Steps of the search; in seven dimensions it takes about ten.
 _MOST_STEPS = 200
+#: The smallest positive number.
+_TINY = np.finfo(float).tiny
 
 
 def beyond_hull(point: np.ndarray, corners: np.ndarray) -> np.ndarray:
@@ -25,24 +28,30 @@ def beyond_hull(point: np.ndarray, corners: np.ndarray) -> np.ndarray:
     size = np.max(np.abs(point - corners))
     if size == 0.0:
         return np.zeros_like(point)
-    differences = (point - corners) / size
-    lengths = np.linalg.norm(differences, axis=1)
+    return size * _shortest_in_hull(np.ascontiguousarray((point - corners) / size, dtype=float))
+
+
+@numba.njit(cache=True, nogil=True)
+def _shortest_in_hull(differences: np.ndarray) -> np.ndarray:
+    """The shortest convex combination (D,) of differences (N, D)."""
+    lengths = np.sqrt(np.sum(differences**2, axis=1))
     farthest, chosen, weights = np.max(lengths), np.array([np.argmin(lengths)]), np.ones(1)
-    shortest = differences[chosen[0]]
+    shortest = differences[chosen[0]].copy()
     for _ in range(_MOST_STEPS):
-        products, length = differences @ shortest, np.linalg.norm(shortest)
+        products, length = differences @ shortest, np.sqrt(np.sum(shortest**2))
         added = np.argmin(products)
         gap = length**2 - products[added]
-        if length <= _ROUNDING * farthest or gap <= _TOLERANCE * length * farthest or added in chosen:
+        if length <= _ROUNDING * farthest or gap <= _TOLERANCE * length * farthest or np.any(chosen == added):
             break
         chosen, weights = _shortest_combination(differences, np.append(chosen, added), np.append(weights, 0.0))
         found = weights @ differences[chosen]
-        if np.linalg.norm(found) >= length:
+        if np.sqrt(np.sum(found**2)) >= length:
             break
         shortest = found
-    return size * shortest
+    return shortest
 
 
+@numba.njit(cache=True, nogil=True)
 def _shortest_combination(
     points: np.ndarray, chosen: np.ndarray, weights: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
@@ -51,18 +60,26 @@ def _shortest_combination(
     """
     while True:
         aimed = _affine_weights(points[chosen])
-        falling = aimed <= 0.0
-        if not np.any(falling):
+        share, first = np.inf, -1
+        for i in range(len(aimed)):
+            if aimed[i] <= 0.0:
+                # A point that has just been added has no weight yet.
+                falls = weights[i] / max(weights[i] - aimed[i], _TINY)
+                if falls < share:
+                    share, first = falls, i
+        if first < 0:
             return chosen, aimed
-        # A point that has just been added has no weight yet.
-        shares = weights[falling] / np.maximum(weights[falling] - aimed[falling], np.finfo(float).tiny)
-        weights = weights + np.min(shares) * (aimed - weights)
-        weights[np.flatnonzero(falling)[np.argmin(shares)]] = 0.0
+        weights = weights + share * (aimed - weights)
+        weights[first] = 0.0
         kept = weights > 0.0
         chosen, weights = chosen[kept], weights[kept]
 
 
+@numba.njit(cache=True, nogil=True)
 def _affine_weights(points: np.ndarray) -> np.ndarray:
     """Weights (n,) with sum 1 of the shortest affine combination of points (n, D), which may depend on each other."""
-    others = np.linalg.lstsq((points[1:] - points[0]).T, -points[0])[0]
-    return np.append(1.0 - np.sum(others), others)
+    weights = np.ones(len(points))
+    if len(points) > 1:
+        weights[1:] = np.linalg.lstsq(np.ascontiguousarray((points[1:] - points[0]).T), -points[0])[0]
+        weights[0] = 1.0 - np.sum(weights[1:])
+    return weights

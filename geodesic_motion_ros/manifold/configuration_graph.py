@@ -27,7 +27,7 @@ import numpy as np
 from geodesic_motion_ros.manifold.decoder import rms_sigma
 from geodesic_motion_ros.manifold.grid import Adjacency, LatentGrid
 from geodesic_motion_ros.manifold.joint_decoder import JointSpaceDecoder
-from geodesic_motion_ros.manifold.joint_transport import JointOffsets
+from geodesic_motion_ros.manifold.joint_transport import JointOffsets, ToolSteps
 from geodesic_motion_ros.manifold.latent_graph import LatentGraph, connected_pieces, refuse_unsupported
 from geodesic_motion_ros.manifold.mean_path import MeanPaths
 from geodesic_motion_ros.manifold.metric_field import NUDGE, MetricField, packed_tensors, pulled_back
@@ -93,13 +93,25 @@ class ConfigurationGraph(LatentGraph):
     # The same of the joints (m,).
     _sigma_fixed: np.ndarray
 
-    def transported(self, offsets: JointOffsets, conformal: np.ndarray | None = None) -> CarriedConfigurations:
-        """Carry the nodes to a query; `conformal` (n,) >= 1, None for 1, as in `PoseGraph.transported`."""
-        configurations = offsets.carried(self.configurations, self.progress, self.mean_path_shares)
+    def tool_steps(self, corrections: np.ndarray) -> ToolSteps:
+        """How the nodes are moved by offsets with corrections (K, S, eta) [rad]."""
+        return ToolSteps.of(self.configurations, self.progress, self.mean_path_shares, corrections, self.robot)
+
+    def transported(
+        self, offsets: JointOffsets, conformal: np.ndarray | None = None, steps: ToolSteps | None = None
+    ) -> CarriedConfigurations:
+        """Carry the nodes to a query; `conformal` (n,) >= 1, None for 1, as in `PoseGraph.transported`.
+
+        steps : those of the offsets' corrections, where they are known.
+        """
+        if steps is None:
+            configurations = offsets.carried(self.configurations, self.progress, self.mean_path_shares)
+        else:
+            configurations = offsets.carried_by(steps)
         points = place_body_points(configurations, self.body.frames, self.body.offsets, self.robot.chain)
         first, second = self.edges.T
         factor = np.ones(len(self.edges)) if conformal is None else 0.5 * (conformal[first] + conformal[second])
-        turned, shares = _chord_energies(self.edges, configurations, points, self.sigma_shares, factor)
+        turned, shares, moved = _chord_energies(self.edges, configurations, points, self.sigma_shares, factor)
         tool = _tool_energies(self._orientation_scale, self.edges, configurations, self.robot)
         fixed = factor * (self.metric.joint_weight**2 * turned + tool + self._sigma_fixed)
         return CarriedConfigurations(
@@ -108,7 +120,7 @@ class ConfigurationGraph(LatentGraph):
             conformal=factor,
             fixed=fixed,
             shares=shares,
-            base=np.sqrt(fixed + shares.sum(axis=1)),
+            base=np.sqrt(fixed + moved),
             configurations=configurations,
         )
 
@@ -233,9 +245,9 @@ def build_configuration_graph(
         sigma_fixed += orientation_scale * _projected_energies(edges, turning, steps)[:, 0]
     if math.isfinite(energy_limit):
         points = place_body_points(configurations, body.frames, body.offsets, robot.chain)
-        turned, shares = _chord_energies(edges, configurations, points, sigma_shares, np.ones(len(edges)))
+        turned, _, moved = _chord_energies(edges, configurations, points, sigma_shares, np.ones(len(edges)))
         tool = _tool_energies(orientation_scale, edges, configurations, robot)
-        energy = metric.joint_weight**2 * turned + tool + sigma_fixed + shares.sum(axis=1)
+        energy = metric.joint_weight**2 * turned + tool + sigma_fixed + moved
         usable = energy <= energy_limit
         edges, sigma_fixed, sigma_shares = edges[usable], sigma_fixed[usable], sigma_shares[usable]
     progress_map = _progress_map(codes, grid, mean_paths, kept)
@@ -325,10 +337,10 @@ def _projected_energies(edges: np.ndarray, jacobians: np.ndarray, steps: np.ndar
 @numba.njit(cache=True, nogil=True)
 def _chord_energies(
     edges: np.ndarray, configurations: np.ndarray, points: np.ndarray, sigma_shares: np.ndarray, conformal: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
-    """|dtheta|^2 (m,) and a_ek = conformal (|dp_k|^2 + sigma's part) / K (m, K) of every edge."""
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """|dtheta|^2 (m,), a_ek = conformal (|dp_k|^2 + sigma's part) / K (m, K), and their sum (m,), of every edge."""
     count = points.shape[1]
-    turned, shares = np.zeros(len(edges)), np.empty((len(edges), count))
+    turned, shares, moved = np.zeros(len(edges)), np.empty((len(edges), count)), np.zeros(len(edges))
     for e in range(len(edges)):
         u, v = edges[e, 0], edges[e, 1]
         for j in range(configurations.shape[1]):
@@ -338,4 +350,5 @@ def _chord_energies(
             for a in range(3):
                 squared += (points[v, k, a] - points[u, k, a]) ** 2
             shares[e, k] = conformal[e] * squared / count
-    return turned, shares
+            moved[e] += shares[e, k]
+    return turned, shares, moved

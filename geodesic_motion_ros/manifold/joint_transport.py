@@ -15,6 +15,7 @@ tool elsewhere: with elbows swung out by 75 degrees by 30 mm instead of 6 on ave
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numba
 import numpy as np
@@ -83,9 +84,74 @@ class JointOffsets:
         tool, joints, rest = ((1.0 - tau) * ends[0] + tau * ends[1] for ends in (self.tool, self.joints, self.rest))
         return _tool_steps(np.ascontiguousarray(configurations), tool, joints, self.robot.chain) + rest
 
+    def carried_by(self, steps: ToolSteps) -> np.ndarray:
+        """The same (n, eta) for configurations whose steps are known."""
+        return _stepped(steps, self.blended(steps.progress), self.tool, self.joints, self.rest)
+
     def blended(self, progress: np.ndarray) -> np.ndarray:
         """tau (n,) in [0, 1], the share of the goal's offset, at progress (n,)."""
         return faded(blended(progress, self.start_progress, self.goal_progress), self.fade)
+
+
+class ToolSteps(NamedTuple):
+    """How configurations are moved by whatever offsets: worked out once for those that many queries carry.
+
+    Attributes
+    ----------
+    corrected : (n, eta) [rad] configurations with the corrections of the decoder. progress : (n,) theirs.
+    pulls : (n, eta, 6) J^+ there. drifts : (n, eta, eta) 1 - J^+ J.
+    """
+
+    corrected: np.ndarray
+    progress: np.ndarray
+    pulls: np.ndarray
+    drifts: np.ndarray
+
+    @classmethod
+    def of(
+        cls, configurations: np.ndarray, progress: np.ndarray, shares: np.ndarray, corrections: np.ndarray, robot: Robot
+    ) -> ToolSteps:
+        """Of configurations as of `JointOffsets.carried`, with corrections (K, S, eta)."""
+        corrected = np.ascontiguousarray(configurations + corrections_at(corrections, progress, shares))
+        return cls(corrected, progress, *_step_operators(corrected, robot.chain))
+
+
+@numba.njit(cache=True, nogil=True)
+def _step_operators(configurations, chain):
+    """J^+ (n, eta, 6) and 1 - J^+ J (n, eta, eta), by the columns that `_tool_steps` makes of unit vectors."""
+    count, joints = configurations.shape
+    pulls, drifts, free = np.empty((count, joints, 6)), np.empty((count, joints, joints)), np.ones(joints)
+    task, drift = np.zeros(6), np.zeros(joints)
+    for i in range(count):
+        matrix = jacobian(configurations[i], chain)
+        for k in range(6):
+            task[k] = 1.0
+            pulls[i, :, k] = damped_step(matrix, free, task, drift, -1.0)
+            task[k] = 0.0
+        for k in range(joints):
+            drift[k] = 1.0
+            drifts[i, :, k] = damped_step(matrix, free, task, drift, -1.0)
+            drift[k] = 0.0
+    return pulls, drifts
+
+
+@numba.njit(cache=True, nogil=True)
+def _stepped(steps, tau, tool, joints, rest):
+    """Configurations (n, eta) carried by x (2, 6), e (2, eta) and what is left (2, eta) of both ends."""
+    count, size = steps.corrected.shape
+    result = steps.corrected.copy()
+    # x, e and the rest are linear in tau, and so is the step.
+    for i in range(count):
+        for j in range(size):
+            for end in range(2):
+                share = tau[i] if end else 1.0 - tau[i]
+                step = rest[end, j]
+                for k in range(6):
+                    step += steps.pulls[i, j, k] * tool[end, k]
+                for k in range(size):
+                    step += steps.drifts[i, j, k] * joints[end, k]
+                result[i, j] += share * step
+    return result
 
 
 @numba.njit(cache=True, nogil=True)

@@ -6,9 +6,10 @@ from dataclasses import dataclass
 from itertools import pairwise
 from typing import NamedTuple
 
+import numba
 import numpy as np
 
-from geodesic_motion_ros.robot.body_points import place_body_points
+from geodesic_motion_ros.robot.body_points import place_split_points
 from geodesic_motion_ros.robot.collision_model import CollisionModel
 from geodesic_motion_ros.robot.kinematics import Robot, contiguous
 
@@ -82,8 +83,9 @@ class NodeBody(NamedTuple):
     ) -> NodeBody:
         """An arm in configurations (n, eta) [rad], its body points (n, K, 3), (K,) and its moving collision spheres."""
         placed, moving = contiguous(configurations), model.moving
-        spheres = place_body_points(placed, model.points.frames[moving], model.points.offsets[moving], robot.chain)
-        links = place_body_points(placed, bounds.frames, bounds.centres, robot.chain)
+        frames = np.concatenate([model.points.frames[moving], bounds.frames])
+        offsets = np.concatenate([model.points.offsets[moving], bounds.centres])
+        spheres, links = place_split_points(placed, frames, offsets, len(bounds.frames), robot.chain)
         boxes = _box(points, point_radii), _box(links, bounds.radii)
         return cls(
             points, point_radii, spheres, model.radii[moving], links, bounds.radii, bounds.first,
@@ -91,6 +93,13 @@ class NodeBody(NamedTuple):
         )  # fmt: skip
 
 
+@numba.njit(cache=True, nogil=True)
 def _box(centres: np.ndarray, radii: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Lower and upper corner (3,) around spheres (n, k, 3), (k,)."""
-    return (centres.min(axis=0) - radii[:, None]).min(axis=0), (centres.max(axis=0) + radii[:, None]).max(axis=0)
+    lower, upper = np.full(3, np.inf), np.full(3, -np.inf)
+    for i in range(centres.shape[0]):
+        for k in range(centres.shape[1]):
+            for axis in range(3):
+                lower[axis] = min(lower[axis], centres[i, k, axis] - radii[k])
+                upper[axis] = max(upper[axis], centres[i, k, axis] + radii[k])
+    return lower, upper

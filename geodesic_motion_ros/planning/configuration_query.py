@@ -103,6 +103,8 @@ class ConfigurationQueryBuilder(QueryBuilder[np.ndarray]):
         self._point_radii = np.full(len(graph.body), settings.body_radius)
         self._fields: dict[int, np.ndarray] = {}
         super().__init__(skill, graph, settings, robot, collision, scene, np.ones(len(robot.joint_names)))
+        # Queries whose ends choose between no demonstrations share their corrections.
+        self._steps = self._graph.tool_steps(self._unconditioned.corrections)
         self._tool_positions, self._tool_quaternions = end_effector_poses(graph.configurations, self._robot.chain)
 
     # ------------------------------------------------------ ends of an arm
@@ -276,7 +278,8 @@ class ConfigurationQueryBuilder(QueryBuilder[np.ndarray]):
     def _carried(
         self, offsets: JointOffsets, ends: tuple[int, int], along_mean_paths: AlongMeanPaths
     ) -> tuple[WeightedGraph, MetricField, NodeBody]:
-        graph = self._graph.transported(offsets, along_mean_paths.conformal)
+        steps = self._steps if along_mean_paths is self._unconditioned else None
+        graph = self._graph.transported(offsets, along_mean_paths.conformal, steps)
         body = NodeBody.of_arm(
             graph.configurations, graph.body_points, self._point_radii, self._collision, self._links, self._robot
         )

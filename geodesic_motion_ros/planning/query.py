@@ -232,10 +232,13 @@ def edges_in_scene(
     """Mask (m,) of the edges at nodes where a body is nearer to a scene than a margin [m], or where that is less, than
     half of what it keeps at both ends; or deeper in it than at the goal, where that is inside: to be approached.
     """
+    if not scene.names:
+        return np.zeros(len(graph.edges), dtype=bool)
     clearances = scene.clearances(body.spheres, body.sphere_radii)
     at_goal = float(clearances[goal_node])
     kept = min(margin, 0.5 * float(clearances[start_node]), 0.5 * at_goal if at_goal > 0.0 else at_goal)
-    return ~np.all((clearances >= kept)[graph.edges], axis=1)
+    near = clearances < kept
+    return near[graph.edges[:, 0]] | near[graph.edges[:, 1]]
 
 
 class QueryBuilder(ABC, Generic[Output]):

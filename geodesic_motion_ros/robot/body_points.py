@@ -254,26 +254,36 @@ def mounted(frames, offsets, mounts, mount_origins, carriers):
     return joints, points
 
 
+@numba.njit((MATRIX, INDICES, MATRIX, numba.int64, CHAIN), cache=True, nogil=True)
+def place_split_points(configurations, frames, offsets, last, chain):
+    """Positions (n, K - last, 3) and (n, last, 3) [m]: those of `place_body_points`, the last ones apart."""
+    terms, translations, slides, mounts, mount_origins, carriers = joint_terms(chain)
+    joints, points = mounted(frames, offsets, mounts, mount_origins, carriers)
+    rotations = np.zeros((len(terms) + 1, 3, 3))
+    unit(rotations[0])
+    origins = np.zeros((len(terms) + 1, 3))
+    count, split = len(configurations), len(frames) - last
+    placed, apart = np.empty((count, split, 3)), np.empty((count, last, 3))
+    for i in range(count):
+        place_joints(configurations[i], terms, translations, slides, rotations, origins)
+        for k in range(len(frames)):
+            rotation, x, y, z = rotations[joints[k]], points[k, 0], points[k, 1], points[k, 2]
+            for row in range(3):
+                turned = rotation[row, 0] * x + rotation[row, 1] * y + rotation[row, 2] * z
+                if k < split:
+                    placed[i, k, row] = origins[joints[k], row] + turned
+                else:
+                    apart[i, k - split, row] = origins[joints[k], row] + turned
+    return placed, apart
+
+
 @numba.njit((MATRIX, INDICES, MATRIX, CHAIN), cache=True, nogil=True)
 def place_body_points(configurations, frames, offsets, chain):
     """Positions (n, K, 3) [m] in the base frame of the points of configurations (n, eta).
 
     frames (K,) and offsets (K, 3) [m] are those of `BodyPoints`, chain that of `Robot`.
     """
-    terms, translations, slides, mounts, mount_origins, carriers = joint_terms(chain)
-    joints, points = mounted(frames, offsets, mounts, mount_origins, carriers)
-    rotations = np.zeros((len(terms) + 1, 3, 3))
-    unit(rotations[0])
-    origins = np.zeros((len(terms) + 1, 3))
-    placed = np.empty((len(configurations), len(frames), 3))
-    for i in range(len(configurations)):
-        place_joints(configurations[i], terms, translations, slides, rotations, origins)
-        for k in range(len(frames)):
-            rotation, x, y, z = rotations[joints[k]], points[k, 0], points[k, 1], points[k, 2]
-            for row in range(3):
-                turned = rotation[row, 0] * x + rotation[row, 1] * y + rotation[row, 2] * z
-                placed[i, k, row] = origins[joints[k], row] + turned
-    return placed
+    return place_split_points(configurations, frames, offsets, 0, chain)[0]
 
 
 @numba.njit((MATRIX, INDICES, MATRIX, CHAIN), cache=True, nogil=True)
