@@ -72,25 +72,26 @@ class ArmQuery(RefinedQuery, PathEnds, Protocol):
     def start_latent(self) -> np.ndarray: ...
 
     def turned_to_base(self, covariances: np.ndarray) -> np.ndarray:
-        """Covariances (m, 3, 3) of positions in the frame of the skill, in the base frame."""
+        """Return covariances (m, 3, 3) of positions in the frame of the skill, in the base frame."""
         ...
 
     def displaced_at(self, progress: np.ndarray) -> float:
-        """How far the graph itself holds the tool from what was demonstrated [m], as it was displaced when the query
-        began, at a progress (1,) of the skill.
+        """Return how far the graph itself holds the tool from what was demonstrated [m], as it was displaced when the
+        query began, at a progress (1,) of the skill.
         """
         ...
 
     def configurations_along(self, latent: np.ndarray, start: np.ndarray) -> np.ndarray | Refusal:
-        """Configurations (m, eta) of a latent curve (m, d), the first of them near a configuration (eta,); or where and
-        why the arm cannot hold it.
+        """Return configurations (m, eta) of a latent curve (m, d), the first of them near a configuration (eta,); or
+        where and why the arm cannot hold it.
         """
         ...
 
 
 @dataclass(frozen=True)
 class Plan:
-    """What the arm is to play from `begin` on, and why: the answer of `tick`, `stop`, `plan` and of every search.
+    """The motion that the arm is to play from `begin` on, and why: the answer of `tick`, `stop`, `plan` and of every
+    search.
 
     Attributes
     ----------
@@ -139,7 +140,7 @@ class MotionState:
     latent: np.ndarray | None
 
     def after(self, stop: JointReference) -> MotionState:
-        """The state of rest where a stop from this state ends."""
+        """Return the state of rest where a stop from this state ends."""
         still = np.zeros_like(self.position)
         latent = None if self.latent is None else stop.latent_at(stop.duration)
         return MotionState(self.time + stop.duration, stop.positions[-1], still, still, latent)

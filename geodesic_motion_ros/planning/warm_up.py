@@ -30,11 +30,11 @@ def load_kernels(trial: ReactivePlanner, arm: GuardedArm) -> None:
     if trial.robot.takes_poses:
         start = arm.queries.start_by_pose(Pose(skill.start_pose[:3], skill.start_pose[3:]))
         position, quaternion = skill.goal_pose[:3], skill.goal_pose[3:]
-        goals = [partial(trial.prepared_goal, position + offset, quaternion) for offset in (0.0, 0.003)]
+        goals = [partial(trial.prepare_goal, position + offset, quaternion) for offset in (0.0, 0.003)]
     else:
         start = skill.mean_configuration("start")
         end = skill.mean_configuration("goal")
-        goals = [partial(trial.prepared_configuration, end + offset) for offset in (0.0, 0.02)]
+        goals = [partial(trial.prepare_configuration, end + offset) for offset in (0.0, 0.02)]
     trial.stand_at(trial.robot.ready if isinstance(start, Refusal) else start, 0.0)
     trial.take_goal(goals[0]())
     for time in (0.0, 0.1, 0.2):
@@ -43,7 +43,7 @@ def load_kernels(trial: ReactivePlanner, arm: GuardedArm) -> None:
     goal = goals[1]()
     trial.take_goal(goal)
     trial.tick(0.3)
-    query, commanded = None if isinstance(goal, Refusal) else goal.query, trial.commanded(0.3)
+    query, commanded = None if isinstance(goal, Refusal) else goal.query, trial.commanded_state(0.3)
     if query is not None:
         load_search(trial.graph, query, trial.settings)
     if query is not None and commanded is not None and trial.may_detour:

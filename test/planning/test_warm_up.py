@@ -83,7 +83,7 @@ planner.stand_at(middle, 20.0)
 planner.set_goal_configuration(path[-1])
 for number in range(60):
     now = 20.0 + 0.01 * number
-    hand = planner.robot.forward(planner.commanded(now)[0])[0]
+    hand = planner.robot.forward(planner.commanded_state(now)[0])[0]
     centre = hand + (0.3 - 0.003 * number) * from_right
     planner.take_obstacles(Obstacles.of_spheres(centre, np.full(1, 0.1), -0.3 * from_right, now))
     planner.tick(now)

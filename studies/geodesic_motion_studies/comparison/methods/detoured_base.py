@@ -74,8 +74,8 @@ class DetouredBase(Replanning):
         if not self.rests(obstacles.time):
             return
         covariances = self._spread.at(shares, self._mode)
-        frame = DetourFrame.along(self._arena.robot, left, shares[:, None], covariances)
-        found = self._detours.beside(frame, Ends(start, self._goal), obstacles, self._reach)
+        frame = DetourFrame.of_base_path(self._arena.robot, left, shares[:, None], covariances)
+        found = self._detours.find_beside(frame, Ends(start, self._goal), obstacles, self._reach)
         if isinstance(found, Detour):
             yield meeting(found.configurations, start, self._goal)
 
