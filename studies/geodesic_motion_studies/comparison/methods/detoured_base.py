@@ -13,7 +13,7 @@ same share of the path. Bases:
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass
 from typing import Any, Literal
 
 import numpy as np
@@ -23,6 +23,7 @@ from geodesic_motion_ros.planning.detour import Detour, DetourPlanner
 from geodesic_motion_ros.planning.detour_frame import DemonstratedSpread, DetourFrame
 from geodesic_motion_ros.planning.settings import PlannerSettings
 from geodesic_motion_ros.planning.solver import Solver
+from geodesic_motion_ros.planning.status import Figures
 from geodesic_motion_ros.trajectory.trajectory import interpolated
 from geodesic_motion_studies.comparison.arena import Arena
 from geodesic_motion_studies.comparison.methods.free_demonstration import POINTS
@@ -41,7 +42,7 @@ class Ends:
 
     start: np.ndarray
     goal: np.ndarray
-    misfits: dict[str, float] = field(default_factory=dict)
+    misfits: Figures = Figures()
 
 
 class DetouredBase(Replanning):
