@@ -13,7 +13,7 @@ same share of the path. Bases:
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from typing import Any, Literal
 
 import numpy as np
@@ -42,7 +42,7 @@ class Ends:
 
     start: np.ndarray
     goal: np.ndarray
-    misfits: Figures = Figures()
+    misfits: Figures = field(default_factory=Figures)
 
 
 class DetouredBase(Replanning):
