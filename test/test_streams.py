@@ -135,7 +135,7 @@ class Replay:
         """Return the verdict's code at a time [s], and the commanded configuration (7,) a tick later."""
         assert self._planner.take_obstacles(obstacles).ok
         plan = self._planner.tick(now)
-        commanded = self._planner.commanded(now + TICK)
+        commanded = self._planner.commanded_state(now + TICK)
         assert commanded is not None
         return int(plan.verdict.code), commanded[0]
 

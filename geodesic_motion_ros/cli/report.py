@@ -18,7 +18,7 @@ def planner_of(skill: Skill) -> ReactivePlanner:
     from geodesic_motion_ros.planning.planner import ReactivePlanner
 
     # Without a scene there would be no detours to measure.
-    return ReactivePlanner(skill, scene=DeclaredScene.recorded(skill) or DeclaredScene.empty())
+    return ReactivePlanner(skill, scene=DeclaredScene.of_skill(skill) or DeclaredScene.empty())
 
 
 def write_report(planner: ReactivePlanner, picture: Path, path: Path, recording: Recording | None = None) -> None:

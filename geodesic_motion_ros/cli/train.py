@@ -201,7 +201,7 @@ def run(arguments: argparse.Namespace, measures: Mapping[str, Measure] | None = 
     for option in ("source", "licence"):
         if (text := getattr(arguments, option)) is not None:
             check_text(f"--{option}", text, _LONGEST_PROVENANCE)
-    scene = None if arguments.scene is None else DeclaredScene.named(arguments.scene)
+    scene = None if arguments.scene is None else DeclaredScene.from_name(arguments.scene)
     _refuse_foreign(arguments.out)
     _refuse_unwritable(arguments.out)
     writable(arguments.json)

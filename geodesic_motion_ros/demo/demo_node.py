@@ -81,7 +81,7 @@ class Demo:
         loaded = Skill.load(skill)
         self._declared = declared or ("" if loaded.scene is not None else SCENE)
         self._skill, self._out, self._gui, self._domain = skill, out, gui, domain
-        around = DeclaredScene.named(self._declared) or DeclaredScene.recorded(loaded)
+        around = DeclaredScene.from_name(self._declared) or DeclaredScene.of_skill(loaded)
         try:
             self.scene = scene_of(loaded, around)
         except SkillError as error:

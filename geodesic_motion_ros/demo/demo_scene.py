@@ -12,7 +12,7 @@ import numpy as np
 from geodesic_motion_ros.demo.demo_run import Recording
 from geodesic_motion_ros.nodes.parameter_tables import PLANNER
 from geodesic_motion_ros.nodes.parameters import Value
-from geodesic_motion_ros.nodes.planner_parameters import of_robot, planner_settings
+from geodesic_motion_ros.nodes.planner_parameters import defaults_of_robot, planner_settings
 from geodesic_motion_ros.planning.declared_scene import DeclaredScene
 from geodesic_motion_ros.planning.plan import Plan
 from geodesic_motion_ros.planning.planner import ReactivePlanner
@@ -50,7 +50,7 @@ class DemoScene(ABC):
         """
         self.skill = skill
         # as the planner node makes it of the skill
-        settings = planner_settings(DEFAULTS | of_robot(skill, DEFAULTS) | self.patience)
+        settings = planner_settings(DEFAULTS | defaults_of_robot(skill, DEFAULTS) | self.patience)
         self.planner = ReactivePlanner(skill, settings, scene=declared)
         self.goal = skill.goal_pose
         plan = self._plan()

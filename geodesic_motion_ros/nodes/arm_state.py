@@ -1,4 +1,4 @@
-"""Where the arm is, out of joint states as drivers publish them: whole or in parts, fast or slow, by any clock.
+"""The place of the arm, out of joint states as drivers publish them: whole or in parts, fast or slow, by any clock.
 
 Each joint has a time of its own. The state is of the oldest of these times, at which every joint is known: those that
 were heard later are interpolated between their last two messages.
@@ -18,7 +18,7 @@ from geodesic_motion_ros.nodes.input_faults import NO_CLOCK
 from geodesic_motion_ros.nodes.messages import MessageRefused, check_limits, other_prefix, read_some_joints, seconds
 from geodesic_motion_ros.nodes.node_time import Moment
 from geodesic_motion_ros.nodes.plausible_joints import OVERTAKEN, PlausibleJoints
-from geodesic_motion_ros.nodes.refusals import Refusals
+from geodesic_motion_ros.nodes.refusals import RefusalLog
 from geodesic_motion_ros.nodes.sender_clock import SenderClock
 from geodesic_motion_ros.robot.kinematics import Robot
 
@@ -59,7 +59,7 @@ class ArmState:
     clock : that of the driver. plausible : judges each state by the one before.
     """
 
-    def __init__(self, robot: Robot, refusals: Refusals, prefix: str = "") -> None:
+    def __init__(self, robot: Robot, refusals: RefusalLog, prefix: str = "") -> None:
         """robot : its joints have the names of the messages, which begin with the prefix."""
         self._robot, self._names, self._refusals, self._prefix = robot, robot.joint_names, refusals, prefix
         self.joints: np.ndarray | None = None
@@ -117,7 +117,7 @@ class ArmState:
             self._refused = guard.reason or self._refused
 
     def fault(self, now: float) -> str:
-        """What is wrong with the newest messages, or with all so far where there is no state; "" for nothing.
+        """Return what is wrong with the newest messages, or with all so far where there is no state; "" for nothing.
 
         now : [s, running].
         """
@@ -134,7 +134,7 @@ class ArmState:
         return self.clock.remark(now)
 
     def remarks(self, now: float, timeout: float) -> dict[str, str]:
-        """What a person should know of states that are taken, by kind; to be asked once a second.
+        """Return what a person should know of states that are taken, by kind; to be asked once a second.
 
         now : [s, running]. timeout : a state that is older [s] stops the arm.
         """

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from geodesic_motion_ros.nodes.deviation import joints_moved
+from geodesic_motion_ros.nodes.deviation import have_joints_moved
 from geodesic_motion_ros.nodes.input_faults import Halt
 from geodesic_motion_ros.planning.status import Refusal, VerdictCode
 
@@ -15,7 +15,7 @@ REST_TIME = 0.5
 
 
 @dataclass(frozen=True)
-class Unsettled:
+class UnsettledArm:
     """An arm that is to rest before it is commanded again: why, and for how long [s] it has rested near which
     configuration (eta,) [rad].
     """
@@ -25,19 +25,19 @@ class Unsettled:
     rested: float = 0.0
 
     @property
-    def rests(self) -> bool:
+    def is_at_rest(self) -> bool:
         """Whether it has rested for long enough."""
         return self.rested >= REST_TIME
 
-    def measured_again(self, measured: np.ndarray, passed: float) -> Unsettled:
-        """What is known of it when it is measured again after a time [s]."""
-        if joints_moved(measured, self.near):
+    def after_measurement(self, measured: np.ndarray, passed: float) -> UnsettledArm:
+        """Return what is known of it when it is measured again after a time [s]."""
+        if have_joints_moved(measured, self.near):
             return replace(self, near=measured, rested=0.0)
         return replace(self, rested=self.rested + passed)
 
 
 class ArmWatch:
-    """Finds an arm lost that is not where it was sent, until it has rested for a moment wherever it is.
+    """A watch that finds an arm lost that is not where it was sent, until it has rested for a moment wherever it is.
 
     Attributes
     ----------
@@ -47,22 +47,22 @@ class ArmWatch:
     """
 
     def __init__(self) -> None:
-        self.lost: Unsettled | None = None
+        self.lost: UnsettledArm | None = None
         self.missing = False
         self.jump = 0.0
 
     def begin(self) -> None:
-        """It stands where it is commanded to stand from now on."""
+        """Begin where it stands, which is where it is commanded to stand from now on."""
         self.lost, self.missing, self.jump = None, False, 0.0
 
     def unrest(self, measured: np.ndarray, passed: float) -> Refusal | None:
-        """Why a lost arm that is measured again after a time [s] is not commanded; None once it has rested."""
+        """Return why a lost arm that is measured again after a time [s] is not commanded; None once it has rested."""
         assert self.lost is not None
-        self.lost = self.lost.measured_again(measured, passed)
-        return None if self.lost.rests else self.lost.refusal
+        self.lost = self.lost.after_measurement(measured, passed)
+        return None if self.lost.is_at_rest else self.lost.refusal
 
     def lose(self, measured: np.ndarray, deviation: tuple[str, str] | None) -> Halt | None:
-        """Why what is commanded is no longer to be trusted: the arm is lost then. None while it follows.
+        """Find the arm lost, and return why what is commanded is no longer to be trusted; None while it follows.
 
         deviation : how far it is from where it was sent, and what is allowed; None where it follows, or that is not
         known. It drops the goal.
@@ -80,5 +80,5 @@ class ArmWatch:
             return None
         reason = f"{cause}: nothing is commanded until the arm has rested for {REST_TIME:g} s"
         halt = Halt(Refusal(VerdictCode.BAD_INPUT, reason), dropping)
-        self.lost = Unsettled(halt.refusal, measured)
+        self.lost = UnsettledArm(halt.refusal, measured)
         return halt

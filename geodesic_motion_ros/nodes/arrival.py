@@ -1,4 +1,4 @@
-"""When the arm has come to rest at its goal, and how far from it. Knows nothing of ROS."""
+"""The moment at which the arm has come to rest at its goal, and how far from it. Knows nothing of ROS."""
 
 from __future__ import annotations
 
@@ -11,11 +11,11 @@ import numpy as np
 from geodesic_motion_ros.geometry.quaternions import angle_between
 from geodesic_motion_ros.nodes.arm_watch import REST_TIME
 from geodesic_motion_ros.nodes.cycle import CycleInputs, CycleOutput, Pose
-from geodesic_motion_ros.nodes.deviation import pose_moved
+from geodesic_motion_ros.nodes.deviation import has_pose_moved
 
 
 class ArrivalWatch:
-    """Watches for the arm that comes to rest at a goal that was accepted: once for each.
+    """A watch for the arm that comes to rest at a goal that was accepted: once for each.
 
     It rests at the end of its path once its tool has stayed near one place for REST_TIME.
     """
@@ -28,7 +28,7 @@ class ArrivalWatch:
         self._resting: tuple[Pose, float] | None = None  # near which place, and since when [s]
 
     def observe(self, inputs: CycleInputs, output: CycleOutput) -> str:
-        """The line for the log in the cycle in which the arm is found to rest at its goal; "" in all others.
+        """Return the line for the log in the cycle in which the arm is found to rest at its goal; "" in all others.
 
         The time is from the acceptance of the goal to the beginning of the rest, the distance that of the measured tool
         from the end of the path.
@@ -42,7 +42,7 @@ class ArrivalWatch:
             self._resting = None
             return ""
         tool = self._forward(inputs.measured)
-        if self._resting is None or pose_moved(tool, self._resting[0]):
+        if self._resting is None or has_pose_moved(tool, self._resting[0]):
             self._resting = tool, inputs.heard
         since = self._resting[1]
         if inputs.heard - since < REST_TIME:

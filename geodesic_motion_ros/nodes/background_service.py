@@ -19,7 +19,7 @@ _PAUSE = 0.01
 
 
 class BackgroundService:
-    """Answers one request after the other in a thread of its own, until stopped.
+    """A service that answers one request after the other in a thread of its own, until stopped.
 
     An executor asks a callback for a response and hands that to `send_response` of the service. Here what it asks for
     and hands over is the future of a response, which is sent once it is there: EventsExecutor awaits no coroutines.

@@ -21,8 +21,9 @@ _BEYOND_TOOL = 0.2
 
 @dataclass(frozen=True)
 class CloudFigures:
-    """Of the newest cloud: its points that count, those without a place, those out of reach, and the time [s] that
-    reading it and making its field took."""
+    """The figures of the newest cloud: its points that count, those without a place, those out of reach, and the time
+    [s] that reading it and making its field took.
+    """
 
     points: int = 0
     not_finite: int = 0
@@ -31,13 +32,16 @@ class CloudFigures:
 
 
 def points_near(points: np.ndarray, robot: Robot) -> np.ndarray:
-    """Those of points (n, 3) [m] in the base frame to which a distance field tells distances from the arm's body."""
+    """Return those of points (n, 3) [m] in the base frame to which a distance field tells distances from the arm's
+    body.
+    """
     near = np.linalg.norm(points - robot.shoulder, axis=1) <= robot.reach + _BEYOND_TOOL + REACH
     return points if near.all() else points[near]
 
 
 class CloudThread:
-    """Calls `make` with the newest message, and `take` with what that returns and what was noted of the message.
+    """A thread that calls `make` with the newest message, and `take` with what that returns and what was noted of the
+    message.
 
     Messages that come while one is worked on replace each other: none waits behind another. `failed` is called with an
     exception, and the next message tried.
@@ -57,9 +61,11 @@ class CloudThread:
         self._thread = threading.Thread(target=self._run, name="obstacle_cloud", daemon=True)
 
     def start(self) -> None:
+        """Begin to work."""
         self._thread.start()
 
     def stop(self, timeout: float = 1.0) -> None:
+        """End the thread; harmless when it has ended or never began."""
         with self._changed:
             self._stopping = True
             self._changed.notify()

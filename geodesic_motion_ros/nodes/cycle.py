@@ -1,4 +1,4 @@
-"""What goes into one cycle of a node that commands an arm, and what comes out of it. Knows nothing of ROS."""
+"""The inputs and the outputs of one cycle of a node that commands an arm. Knows nothing of ROS."""
 
 from __future__ import annotations
 
@@ -76,7 +76,7 @@ class CycleInputs:
         return {f"age_{name}": age for name, age in (ages | self.silent_sources | self.late_sources).items()}
 
     def without(self, labels: Collection[str]) -> CycleInputs:
-        """Where obstacles of these labels do not count."""
+        """Return the inputs where obstacles of these labels do not count."""
         if not labels:
             return self
         silent, late = (
@@ -115,6 +115,6 @@ class CycleOutput:
     mode: str = ""
 
     @property
-    def goal_refused(self) -> bool:
+    def is_goal_refused(self) -> bool:
         """Whether the newest goal was refused."""
         return not (self.goal_verdict.ok or self.goal_verdict.code is VerdictCode.NO_GOAL)

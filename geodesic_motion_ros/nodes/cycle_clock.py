@@ -11,7 +11,7 @@ LONGEST_ADVANCE = 0.02
 
 
 class CycleClock:
-    """Tells how time passes from one cycle to the next.
+    """A clock that tells how time passes from one cycle to the next.
 
     Attributes
     ----------

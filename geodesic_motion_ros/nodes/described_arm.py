@@ -1,4 +1,4 @@
-"""What the topic `robot_description` says of the arm: whether it is the one that the skill was learned on."""
+"""The arm that the topic `robot_description` describes: whether it is the one that the skill was learned on."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""How far an arm is from where it was sent, and whether it moves: tool poses, configurations. Knows nothing of ROS."""
+"""Distance of an arm from where it was sent, and whether it moves: tool poses, configurations. Knows nothing of ROS."""
 
 from __future__ import annotations
 
@@ -17,8 +17,8 @@ REST_JOINT = 0.01
 
 
 def pose_deviation(measured: Pose, commanded: Pose, distance: float, angle: float) -> tuple[str, str] | None:
-    """How far a measured pose is from the commanded one, and what is allowed; None within a distance [m] and an angle
-    [rad].
+    """Return how far a measured pose is from the commanded one, and what is allowed; None within a distance [m] and an
+    angle [rad].
     """
     off = float(np.linalg.norm(measured[0] - commanded[0]))
     turned = float(angle_between(measured[1], commanded[1]))
@@ -30,7 +30,7 @@ def pose_deviation(measured: Pose, commanded: Pose, distance: float, angle: floa
     )
 
 
-def pose_moved(measured: Pose, before: Pose) -> bool:
+def has_pose_moved(measured: Pose, before: Pose) -> bool:
     """Whether an arm whose tool should rest has moved."""
     moved = float(np.linalg.norm(measured[0] - before[0]))
     return not (moved <= REST_DISTANCE and float(angle_between(measured[1], before[1])) <= REST_ANGLE)
@@ -39,7 +39,9 @@ def pose_moved(measured: Pose, before: Pose) -> bool:
 def joint_deviation(
     measured: np.ndarray, commanded: np.ndarray, names: Sequence[str], tolerance: float
 ) -> tuple[str, str] | None:
-    """How far the worst joint (eta,) is from where it was sent, and what is allowed; None within a tolerance [rad]."""
+    """Return how far the worst joint (eta,) is from where it was sent, and what is allowed; None within a tolerance
+    [rad].
+    """
     off = np.abs(measured - commanded)
     worst = int(np.argmax(off))
     if off[worst] <= tolerance:
@@ -47,6 +49,6 @@ def joint_deviation(
     return f"{off[worst]:.3f} rad in '{names[worst]}'", f"{tolerance:.3f} rad"
 
 
-def joints_moved(measured: np.ndarray, before: np.ndarray) -> bool:
+def have_joints_moved(measured: np.ndarray, before: np.ndarray) -> bool:
     """Whether an arm that should rest has moved."""
     return not bool(np.max(np.abs(measured - before)) <= REST_JOINT)

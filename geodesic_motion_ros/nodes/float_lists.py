@@ -21,7 +21,7 @@ def with_floats(text: str) -> str:
 
 
 def arguments_with_floats(arguments: Sequence[str], folder: Path) -> list[str]:
-    """Command-line arguments of ROS in which lists hold no integers beside floats.
+    """Return command-line arguments of ROS in which lists hold no integers beside floats.
 
     folder : where parameter files that had such lists are written anew.
     """

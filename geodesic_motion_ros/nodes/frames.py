@@ -1,4 +1,4 @@
-"""Where other frames stand in the base frame: tf2's answer where tf2 is installed.
+"""The places of other frames in the base frame: tf2's answer where tf2 is installed.
 
 tf2 is no dependency: the ROS packages of PyPI have none, and with all messages in the base frame nothing asks for it.
 """
@@ -22,7 +22,7 @@ class TransformBuffer(Protocol):
     """The part of a tf2_ros.Buffer that is used."""
 
     def lookup_transform(self, target_frame: str, source_frame: str, time: RosTime) -> Any:
-        """The TransformStamped of the source frame in the target frame, at time 0 the newest; does not wait."""
+        """Return the TransformStamped of the source frame in the target frame, at time 0 the newest; does not wait."""
 
     def clear(self) -> None:
         """Forget the transforms that change."""
@@ -51,7 +51,7 @@ class BufferedFrames:
 
 
 def frames_of(node: Node) -> FrameLookup:
-    """The frames that a node hears of on `/tf` and `/tf_static`; where tf2 is not installed, none."""
+    """Return the frames that a node hears of on `/tf` and `/tf_static`; where tf2 is not installed, none."""
     try:
         import tf2_ros
     except ImportError:
@@ -65,5 +65,5 @@ def frames_of(node: Node) -> FrameLookup:
 
 
 def no_tf2(target: str, source: str, stamp: Time) -> Refusal:
-    """The lookup of a machine without tf2."""
+    """Refuse every lookup, on a machine without tf2."""
     return Refusal(VerdictCode.BAD_INPUT, "tf2_ros, which would transform it, is not installed")

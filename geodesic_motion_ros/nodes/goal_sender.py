@@ -1,4 +1,4 @@
-"""Sends one goal to a planner that runs or starts, and says what becomes of it."""
+"""A sender of one goal to a planner that runs or starts, who says what becomes of it."""
 
 from __future__ import annotations
 
@@ -53,11 +53,11 @@ class Goal(ABC):
 
     @abstractmethod
     def message(self, stamp: Time) -> Any:
-        """The message that requests it."""
+        """Return the message that requests it."""
 
     @abstractmethod
     def by_hand(self, topic: str) -> str:
-        """The command that sends it on a topic."""
+        """Return the command that sends it on a topic."""
 
 
 @dataclass(frozen=True)
@@ -70,9 +70,11 @@ class PoseGoal(Goal):
     kind = PoseStamped
 
     def message(self, stamp: Time) -> PoseStamped:
+        """Return the PoseStamped that requests it."""
         return pose_message(self.pose[:3], self.pose[3:], self.frame, stamp)
 
     def by_hand(self, topic: str = "/goal_pose") -> str:
+        """Return the command that sends it on a topic."""
         x, y, z, qw, qx, qy, qz = (round(float(value), 4) for value in self.pose)
         message = (
             f"{{header: {{frame_id: {self.frame}}}, pose: {{position: {{x: {x}, y: {y}, z: {z}}}, "
@@ -91,10 +93,12 @@ class JointGoal(Goal):
     kind = JointState
 
     def message(self, stamp: Time) -> JointState:
+        """Return the JointState that requests it."""
         return JointState(header=Header(stamp=stamp), name=list(self.names), position=self.positions.tolist())
 
     def by_hand(self, topic: str = "/goal_joints") -> str:
         # Names in quotes: those of some arms are numbers.
+        """Return the command that sends it on a topic."""
         names = ", ".join(f"'{name}'" for name in self.names)
         positions = ", ".join(f"{value:.4f}" for value in self.positions)
         message = f"{{name: [{names}], position: [{positions}]}}"
@@ -142,7 +146,8 @@ class _Status:
 
 
 class ProgressReport:
-    """Decides when a user reads what the arm does: once that has lasted for half a second, and every five seconds.
+    """A report that decides when a user reads what the arm does: once that has lasted for half a second, and every five
+    seconds.
 
     So a user reads something also where what the arm does changes faster than that. begin : when the goal was accepted
     [s].

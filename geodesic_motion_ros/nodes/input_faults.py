@@ -1,4 +1,4 @@
-"""Why the inputs of a cycle do not permit a motion, whatever plans it. Knows nothing of ROS."""
+"""The reasons why the inputs of a cycle do not permit a motion, whatever plans it. Knows nothing of ROS."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ NO_CLOCK = "use_sim_time is set, and nothing has been received on /clock"
 
 @dataclass(frozen=True)
 class Halt:
-    """Why nothing is planned in a cycle, and why the goal is dropped besides; "" where it stays."""
+    """A refusal to plan in a cycle, and why the goal is dropped besides; "" where it stays."""
 
     refusal: Refusal
     dropping: str = ""
@@ -22,7 +22,7 @@ class Halt:
 def stale_state(
     inputs: CycleInputs, state_topic: str, state_timeout: float, resume_timeout: float
 ) -> Halt | None:
-    """Why it is not known where the arm is; None where it is.
+    """Return why it is not known where the arm is; None where it is known.
 
     state_topic : as messages name it. A joint state older than `state_timeout` [s] stops the arm;
     after `resume_timeout` [s] the goal is dropped.
@@ -41,7 +41,8 @@ def stale_state(
 
 
 def rivals(inputs: CycleInputs, command_topic: str) -> Halt | None:
-    """More than one node that commands the arm: which of them it followed would be chance, and drops the goal."""
+    """Refuse more than one node that commands the arm: which of them it followed would be chance, and drops the goal.
+    """
     if len(inputs.publishers) <= 1:
         return None
     names = " and ".join(inputs.publishers)
@@ -50,7 +51,7 @@ def rivals(inputs: CycleInputs, command_topic: str) -> Halt | None:
 
 
 def readiness(inputs: CycleInputs, command_topic: str, uncounted: str, without_goal: Refusal | None) -> Verdict:
-    """OK when a plan may be requested of an arm that is known and nobody else's; the reason otherwise, the gravest
+    """Return OK when a plan may be requested of an arm that is known and nobody else's; else the refusal, the gravest
     first.
 
     uncounted : which objects in the hand do not count yet; "" where all do. without_goal : why there is no goal; None

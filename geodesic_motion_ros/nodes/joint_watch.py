@@ -17,7 +17,7 @@ STANDING = 0.5
 
 
 class JointWatch:
-    """What a node hears on a topic of joint states. Times are of one steady clock [s]."""
+    """The joint states that a node hears on a topic. Times are of one steady clock [s]."""
 
     def __init__(self, names: Sequence[str]) -> None:
         self._names = tuple(names)
@@ -41,7 +41,7 @@ class JointWatch:
             self._stamp, self._stamp_since = stamp, now
 
     def objection(self, now: float) -> str:
-        """Why no take can be made of what arrives; "" where one can."""
+        """Return why no take can be made of what arrives; "" where one can."""
         if now - self._heard > SILENCE:
             ago = "have arrived yet" if self._heard == -float("inf") else f"for {now - self._heard:.1f} s"
             return f"no joint states {ago}"

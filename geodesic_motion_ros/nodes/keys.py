@@ -9,7 +9,7 @@ import tty
 
 
 class Keys:
-    """Hands out what is typed, without waiting for the end of a line; Ctrl-C stays a signal.
+    """The keys that are typed, without waiting for the end of a line; Ctrl-C stays a signal.
 
     Nothing is read where the descriptor is no terminal, or is that of a program in the foreground while this one runs
     in the background: it would be stopped for reading.
@@ -25,8 +25,8 @@ class Keys:
         """Whether keys can be pressed."""
         return self._before is not None
 
-    def pressed(self) -> str:
-        """What was typed since the last call."""
+    def read(self) -> str:
+        """Return what was typed since the last call."""
         if self._before is None or not select.select([self._descriptor], [], [], 0.0)[0]:
             return ""
         return os.read(self._descriptor, 100).decode(errors="replace")

@@ -22,21 +22,21 @@ _POINT, _COLOUR, _TEXTURE_COORDINATES = (3, 8), (4, 4), (2, 4)
 
 
 class Stamp(NamedTuple):
-    """builtin_interfaces/Time or Duration."""
+    """A builtin_interfaces/Time or Duration."""
 
     sec: int
     nanosec: int
 
 
 class StampedFrame(NamedTuple):
-    """std_msgs/Header."""
+    """A std_msgs/Header."""
 
     stamp: Stamp
     frame_id: str
 
 
 class Vector(NamedTuple):
-    """geometry_msgs/Point or Vector3."""
+    """A geometry_msgs/Point or Vector3."""
 
     x: float
     y: float
@@ -44,7 +44,7 @@ class Vector(NamedTuple):
 
 
 class Turn(NamedTuple):
-    """geometry_msgs/Quaternion."""
+    """A geometry_msgs/Quaternion."""
 
     x: float
     y: float
@@ -53,14 +53,14 @@ class Turn(NamedTuple):
 
 
 class Place(NamedTuple):
-    """geometry_msgs/Pose."""
+    """A geometry_msgs/Pose."""
 
     position: Vector
     orientation: Turn
 
 
 class SeenMarker(NamedTuple):
-    """What of a visualization_msgs/Marker tells of an obstacle, under the names that it has there."""
+    """The fields of a visualization_msgs/Marker that tell of an obstacle, under the names that it has there."""
 
     header: StampedFrame
     ns: str
@@ -72,13 +72,13 @@ class SeenMarker(NamedTuple):
     lifetime: Stamp
 
 
-def marker_in(wire: bytes) -> SeenMarker:
-    """Of a serialised Marker."""
+def parse_marker(wire: bytes) -> SeenMarker:
+    """Parse a serialised Marker."""
     return _markers(wire, 1)[0]
 
 
-def markers_in(wire: bytes) -> list[SeenMarker]:
-    """Of a serialised MarkerArray."""
+def parse_markers(wire: bytes) -> list[SeenMarker]:
+    """Parse a serialised MarkerArray."""
     return _markers(wire)
 
 

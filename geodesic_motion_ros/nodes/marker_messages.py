@@ -48,7 +48,7 @@ _OTHERS = {
 
 @dataclass(frozen=True)
 class MarkerUpdate:
-    """What one marker asks for: `put`, `delete` or `delete_all`; `nothing` where it shows no body.
+    """The change that one marker asks for: `put`, `delete` or `delete_all`; `nothing` where it shows no body.
 
     To `put` belong a centre (3,) [m], the radius of a sphere [m], or the row (16,) of a solid (`geometry/shapes.py`),
     and a lifetime [s].
@@ -64,7 +64,7 @@ class MarkerUpdate:
 
 
 def read_marker(message: Marker | SeenMarker, base_frame: str, lookup: FrameLookup = base_only) -> MarkerUpdate:
-    """An obstacle by (ns, id), as the base frame sees it, or its deletion.
+    """Return an obstacle by (ns, id), as the base frame sees it, or its deletion.
 
     SPHERE has its diameter for scale [m], of an ellipsoid the largest. CUBE is a box with its sides for scale, turned
     by its orientation. CYLINDER has its diameter and its height along z for scale; it becomes a solid that holds it: a
@@ -121,14 +121,14 @@ def _checked_scale(message: Marker | SeenMarker, name: str) -> tuple[float, floa
 
 
 def held_name(message: Marker | SeenMarker) -> str:
-    """What the object of a marker is called."""
+    """Return what the object of a marker is called."""
     return f"{message.ns}/{message.id}"
 
 
-def unknown_after(
+def unknown_objects_after(
     unknown: Mapping[str, str], messages: Sequence[Marker | SeenMarker] | None, refusal: str
 ) -> dict[str, str]:
-    """Objects of which it is not known whether and how they are held, by name, each with the reason.
+    """Return objects of which it is not known whether and how they are held, by name, each with the reason.
 
     A refused message makes those unknown that it was to attach, one that cannot be read (None) whatever it was about,
     which is called ""; one that was taken makes those known that it names: attached, or detached by DELETE or
@@ -147,13 +147,13 @@ def unknown_after(
     }  # fmt: skip
 
 
-def held_after(
+def held_objects_after(
     messages: Sequence[Marker | SeenMarker],
     held: Sequence[HeldObject],
     robot: Robot,
     unknown: Collection[str] = (),
 ) -> tuple[HeldObject, ...]:
-    """What a robot's hand holds after markers, where it held something before; objects are called `ns/id`.
+    """Return what a robot's hand holds after markers, where it held something before; objects are called `ns/id`.
 
     unknown : names of which it is not known whether they are held: they may be detached.
 
@@ -225,7 +225,7 @@ Colour = tuple[float, float, float, float]
 def sphere_marker(
     namespace: str, number: int, centre: np.ndarray, radius: float, colour: Colour, frame: str, stamp: Time
 ) -> Marker:
-    """A SPHERE of a radius [m]."""
+    """Return a SPHERE of a radius [m]."""
     marker = _marker(namespace, number, Marker.SPHERE, colour, frame, stamp)
     marker.pose.position.x, marker.pose.position.y, marker.pose.position.z = (float(value) for value in centre)
     marker.scale.x = marker.scale.y = marker.scale.z = 2.0 * float(radius)
@@ -233,7 +233,7 @@ def sphere_marker(
 
 
 def solid_marker(namespace: str, number: int, solid: np.ndarray, colour: Colour, frame: str, stamp: Time) -> Marker:
-    """A solid (16,) (`geometry/shapes.py`): a capsule as the CYLINDER around it, others as the CUBE."""
+    """Return a solid (16,) (`geometry/shapes.py`): a capsule as the CYLINDER around it, others as the CUBE."""
     half_extents, radius = solid[3:6], solid[6]
     kind = Marker.CUBE if np.any(half_extents[:2]) else Marker.CYLINDER
     marker = _marker(namespace, number, kind, colour, frame, stamp)
@@ -245,7 +245,7 @@ def solid_marker(namespace: str, number: int, solid: np.ndarray, colour: Colour,
 def held_marker(
     number: int, held: HeldObject, position: np.ndarray, quaternion: np.ndarray, colour: Colour, frame: str, stamp: Time
 ) -> Marker:
-    """A held object whose centre and axes are at a pose (3,) [m], (4,)."""
+    """Return a held object whose centre and axes are at a pose (3,) [m], (4,)."""
     kind = {"sphere": Marker.SPHERE, "box": Marker.CUBE, "cylinder": Marker.CYLINDER}[held.shape]
     marker = _marker("held", number, kind, colour, frame, stamp)
     fill_pose(marker.pose, position, quaternion)
@@ -254,7 +254,7 @@ def held_marker(
 
 
 def cubes_marker(namespace: str, centres: np.ndarray, edge: float, colour: Colour, frame: str, stamp: Time) -> Marker:
-    """A CUBE_LIST of cubes of one edge [m] at centres (n, 3) [m]."""
+    """Return a CUBE_LIST of cubes of one edge [m] at centres (n, 3) [m]."""
     marker = _marker(namespace, 0, Marker.CUBE_LIST, colour, frame, stamp)
     marker.scale.x = marker.scale.y = marker.scale.z = float(edge)
     marker.points = [Point(x=x, y=y, z=z) for x, y, z in centres.tolist()]
@@ -262,7 +262,7 @@ def cubes_marker(namespace: str, centres: np.ndarray, edge: float, colour: Colou
 
 
 def line_marker(namespace: str, points: np.ndarray, width: float, colour: Colour, frame: str, stamp: Time) -> Marker:
-    """A LINE_STRIP through points (n, 3) [m]."""
+    """Return a LINE_STRIP through points (n, 3) [m]."""
     marker = _marker(namespace, 0, Marker.LINE_STRIP, colour, frame, stamp)
     marker.scale.x = float(width)
     marker.points = [Point(x=x, y=y, z=z) for x, y, z in points.tolist()]
@@ -270,6 +270,7 @@ def line_marker(namespace: str, points: np.ndarray, width: float, colour: Colour
 
 
 def deletion_marker(namespace: str, number: int, frame: str, stamp: Time) -> Marker:
+    """Return the marker that deletes another one."""
     header = Header(frame_id=frame, stamp=stamp)
     return Marker(header=header, ns=namespace, id=int(number), action=Marker.DELETE)
 
@@ -283,15 +284,14 @@ def _marker(namespace: str, number: int, kind: int, colour: Colour, frame: str, 
 
 
 class MarkerScene:
-    """Turns the markers to be seen into updates: everything seen before and no more is deleted by (ns,
-    id).
-    """
+    """The markers to be seen, as updates: everything seen before and no more is deleted by (ns, id)."""
 
     def __init__(self, frame: str) -> None:
         self._frame = frame
         self._shown: set[Key] = set()
 
     def update(self, markers: Sequence[Marker], stamp: Time) -> MarkerArray:
+        """Return the update that shows markers, and deletes those that are not among them."""
         wanted = {(marker.ns, marker.id) for marker in markers}
         deletions = [deletion_marker(*key, self._frame, stamp) for key in sorted(self._shown - wanted)]
         self._shown = wanted

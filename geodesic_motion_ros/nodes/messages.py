@@ -44,7 +44,7 @@ _FLOATS = {PointField.FLOAT32: "f4", PointField.FLOAT64: "f8"}
 
 
 class MessageRefused(GeodesicMotionError):
-    """A message cannot be used; says what is wrong with it and what would be right."""
+    """The error of a message that cannot be used; it says what is wrong with it and what would be right."""
 
 
 # ---------------------------------------------------------------- frames
@@ -54,18 +54,20 @@ FramePose = tuple[np.ndarray, np.ndarray]
 
 
 class FrameLookup(Protocol):
-    """Tells where a source frame stands in a target frame at a time, of stamp 0 the newest; or why it cannot."""
+    """A lookup of where a source frame stands in a target frame at a time, of stamp 0 the newest; or why it cannot."""
 
     def __call__(self, target: str, source: str, stamp: Time) -> FramePose | Refusal: ...
 
 
 def base_only(target: str, source: str, stamp: Time) -> Refusal:
-    """The lookup of who takes messages in the base frame only."""
+    """Refuse every lookup, for who takes messages in the base frame only."""
     return Refusal(VerdictCode.BAD_INPUT, "nothing is transformed here")
 
 
 def frame_of(header: Header, base_frame: str, lookup: FrameLookup) -> TaskFrame:
-    """Where the frame of a message stands in the base frame at its stamp; refused where nobody knows, naming both."""
+    """Return where the frame of a message stands in the base frame at its stamp; refused where nobody knows, naming
+    both.
+    """
     name = header.frame_id.removeprefix("/")  # as of ROS 1; tf2 refuses it
     if name == base_frame:
         return _BASE
@@ -86,22 +88,20 @@ def frame_of(header: Header, base_frame: str, lookup: FrameLookup) -> TaskFrame:
 
 
 def read_pose(message: PoseStamped, base_frame: str, lookup: FrameLookup = base_only) -> tuple[np.ndarray, np.ndarray]:
-    """Position (3,) [m] and unit quaternion (w, x, y, z) of a pose, as the base frame sees it; the norm may be any
-    but zero.
+    """Return the position (3,) [m] and unit quaternion (w, x, y, z) of a pose, as the base frame sees it; the norm may
+    be any but zero.
     """
     frame = frame_of(message.header, base_frame, lookup)
     return frame.to_base(checked_point(message.pose.position, "position"), checked_quaternion(message.pose))
 
 
 def read_point(message: PointStamped, base_frame: str, lookup: FrameLookup = base_only) -> np.ndarray:
-    """Point (3,) [m], as the base frame sees it."""
+    """Return the point (3,) [m], as the base frame sees it."""
     return frame_of(message.header, base_frame, lookup).points_to_base(checked_point(message.point, "point"))
 
 
 def read_joint_positions(message: JointState, joint_names: Sequence[str]) -> np.ndarray:
-    """Joint positions (n,) [rad] in the robot's order; the message may use any order and name further
-    joints.
-    """
+    """Return joint positions (n,) [rad] in the robot's order; the message may use any order and name further joints."""
     places, positions = read_some_joints(message, joint_names)
     missing = [name for place, name in enumerate(joint_names) if place not in places]
     if missing:
@@ -112,8 +112,8 @@ def read_joint_positions(message: JointState, joint_names: Sequence[str]) -> np.
 
 
 def read_some_joints(message: JointState, joint_names: Sequence[str]) -> tuple[np.ndarray, np.ndarray]:
-    """Those of the robot's joints that a message has positions of: their places among the names (k,), in order, and
-    the positions (k,) [rad]; none where it is about other joints, or about velocities and efforts alone.
+    """Return those of the robot's joints that a message has positions of: their places among the names (k,), in order,
+    and the positions (k,) [rad]; none where it is about other joints, or about velocities and efforts alone.
     """
     place_of = {name: place for place, name in enumerate(joint_names)}
     found = [(place_of[name], i) for i, name in enumerate(message.name) if name in place_of]
@@ -148,7 +148,9 @@ def check_limits(joints: np.ndarray, robot: Robot, places: np.ndarray | slice = 
 
 
 def other_prefix(there: Collection[str], names: Sequence[str], prefix: str) -> str | None:
-    """What names of a message begin with where they are joints of this robot with another prefix than `names` have."""
+    """Return what names of a message begin with where they are joints of this robot with another prefix than `names`
+    have.
+    """
     own = [name.removeprefix(prefix) for name in names]
     for name in there:
         other = name.removesuffix(own[0])
@@ -158,7 +160,7 @@ def other_prefix(there: Collection[str], names: Sequence[str], prefix: str) -> s
 
 
 def read_joint_trajectory(message: JointTrajectory, robot: Robot, prefix: str = "") -> JointWaypoints:
-    """The waypoints of a trajectory in the robot's order of joints; the message may use any.
+    """Return the waypoints of a trajectory in the robot's order of joints; the message may use any.
 
     Accepted is what joint_trajectory_controller accepts of all its joints for a position interface, as it is configured
     by default: at least one point, strictly increasing times, last velocities of zero, no efforts. Refused in addition
@@ -216,7 +218,7 @@ def _values_of_points(points: Sequence[JointTrajectoryPoint], name: str, order: 
 
 
 def cloud_message(points: np.ndarray, frame: str, stamp: Time) -> PointCloud2:
-    """Points (n, 3) [m] as a cloud of single precision."""
+    """Return points (n, 3) [m] as a cloud of single precision."""
     fields = [
         PointField(name=name, offset=4 * axis, datatype=PointField.FLOAT32, count=1) for axis, name in enumerate("xyz")
     ]
@@ -227,7 +229,7 @@ def cloud_message(points: np.ndarray, frame: str, stamp: Time) -> PointCloud2:
 
 
 def read_cloud(message: PointCloud2, base_frame: str, lookup: FrameLookup = base_only) -> tuple[np.ndarray, int]:
-    """Points (n, 3) [m] of a cloud, as the base frame sees them, and how many were left out because they are not
+    """Return points (n, 3) [m] of a cloud, as the base frame sees them, and how many were left out because they are not
     finite (no return).
 
     Clouds of more than a million points are refused.
@@ -279,12 +281,12 @@ def _cloud_points(message: PointCloud2) -> np.ndarray:
 
 
 def seconds(stamp: Time | Duration) -> float:
-    """A stamp or a duration in seconds; a stamp is 0 when the sender set none."""
+    """Return a stamp or a duration in seconds; a stamp is 0 when the sender set none."""
     return stamp.sec + 1e-9 * stamp.nanosec
 
 
 def checked_point(point: Point, name: str) -> np.ndarray:
-    """A point (3,) [m], refused by its name where a coordinate is not finite, or too far away for an arm."""
+    """Return a point (3,) [m], refused by its name where a coordinate is not finite, or too far away for an arm."""
     values = (point.x, point.y, point.z)
     for value in values:
         check_number(value, name, "m")
@@ -292,7 +294,7 @@ def checked_point(point: Point, name: str) -> np.ndarray:
 
 
 def checked_quaternion(pose: Pose, name: str = "orientation") -> np.ndarray:
-    """The unit quaternion (w, x, y, z) of a pose; the norm in the message may be any but zero."""
+    """Return the unit quaternion (w, x, y, z) of a pose; the norm in the message may be any but zero."""
     orientation = pose.orientation
     quaternion = np.array([orientation.w, orientation.x, orientation.y, orientation.z])
     for value in quaternion:
@@ -323,18 +325,20 @@ def fill_pose(pose: Pose, position: np.ndarray, quaternion: np.ndarray) -> Pose:
 
 
 def pose_message(position: np.ndarray, quaternion: np.ndarray, frame: str, stamp: Time) -> PoseStamped:
+    """Return a PoseStamped of a position (3,) [m] and a quaternion (w, x, y, z)."""
     message = PoseStamped(header=Header(frame_id=frame, stamp=stamp))
     fill_pose(message.pose, position, quaternion)
     return message
 
 
 def point_message(point: np.ndarray, frame: str, stamp: Time) -> PointStamped:
+    """Return a PointStamped of a point (3,) [m]."""
     x, y, z = (float(value) for value in point)
     return PointStamped(header=Header(frame_id=frame, stamp=stamp), point=Point(x=x, y=y, z=z))
 
 
 def path_message(positions: np.ndarray, quaternions: np.ndarray, frame: str, stamp: Time) -> Path:
-    """A Path of positions (n, 3) [m] and quaternions (n, 4)."""
+    """Return a Path of positions (n, 3) [m] and quaternions (n, 4)."""
     header = Header(frame_id=frame, stamp=stamp)
     poses = [
         PoseStamped(header=header, pose=fill_pose(Pose(), position, quaternion))
@@ -344,7 +348,7 @@ def path_message(positions: np.ndarray, quaternions: np.ndarray, frame: str, sta
 
 
 def image_message(pixels: np.ndarray, stamp: Time) -> Image:
-    """An rgb8 Image of pixels (h, w, 3) uint8."""
+    """Return an rgb8 Image of pixels (h, w, 3) uint8."""
     height, width, _ = pixels.shape
     return Image(
         header=Header(stamp=stamp),
@@ -357,7 +361,7 @@ def image_message(pixels: np.ndarray, stamp: Time) -> Image:
 
 
 def joint_state_message(names: Sequence[str], positions: np.ndarray, velocities: np.ndarray, stamp: Time) -> JointState:
-    """A JointState of positions (n,) [rad] and velocities (n,) [rad/s]."""
+    """Return a JointState of positions (n,) [rad] and velocities (n,) [rad/s]."""
     return JointState(
         header=Header(stamp=stamp),
         name=list(names),
@@ -369,12 +373,13 @@ def joint_state_message(names: Sequence[str], positions: np.ndarray, velocities:
 def diagnostic_status(
     level: bytes, name: str, message: str, hardware: str, values: dict[str, object]
 ) -> DiagnosticStatus:
-    """A DiagnosticStatus; floats among the values are written with six digits."""
+    """Return a DiagnosticStatus; floats among the values are written with six digits."""
     pairs = [KeyValue(key=key, value=_text(value)) for key, value in values.items()]
     return DiagnosticStatus(level=level, name=name, message=message, hardware_id=hardware, values=pairs)
 
 
 def diagnostic_array(statuses: Sequence[DiagnosticStatus], stamp: Time) -> DiagnosticArray:
+    """Return a DiagnosticArray of statuses."""
     return DiagnosticArray(header=Header(stamp=stamp), status=list(statuses))
 
 

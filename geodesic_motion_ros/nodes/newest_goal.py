@@ -16,7 +16,7 @@ PREPARING = "the newest goal is being prepared"
 
 
 class NewestGoal(Generic[Prepared]):
-    """Has goals prepared beside the cycles, and hands them to a planner.
+    """The newest goal, prepared beside the cycles and handed to a planner.
 
     Attributes
     ----------
@@ -82,7 +82,7 @@ class NewestGoal(Generic[Prepared]):
             self.verdict = verdict
 
     def heed(self, halt: Halt | None) -> Refusal | None:
-        """The refusal of a halt, if any; no goal any more where it drops that."""
+        """Return the refusal of a halt, if any, and drop the goal where the halt says so."""
         if halt is None:
             return None
         if halt.dropping:

@@ -32,7 +32,7 @@ class RosClock(Protocol):
         """Whether it shows the time of `/clock`."""
 
     def now(self) -> RosTime:
-        """The time that messages are stamped with."""
+        """Return the time that messages are stamped with."""
 
 
 @dataclass(frozen=True)
@@ -61,8 +61,8 @@ class Moment:
         return not (self.simulated and self.ros_time == 0)
 
     def transit(self, stamp: float) -> float:
-        """How long a message that arrives now was in transit by its stamp, both [s]: 0 without a stamp, less than that
-        with one of the future.
+        """Return how long a message that arrives now was in transit by its stamp, both [s]: 0 without a stamp, less
+        than that with one of the future.
 
         It is asked on arrival and never again: what becomes of the clock later makes nothing older.
         """
@@ -70,7 +70,7 @@ class Moment:
 
 
 class NodeTime:
-    """Looks at a ROS clock and at the steady one; any thread may ask."""
+    """The time of a ROS clock and of the steady one; any thread may ask."""
 
     def __init__(self, clock: RosClock, steady: Callable[[], int] = time.monotonic_ns) -> None:
         """steady : [ns]."""
@@ -82,7 +82,7 @@ class NodeTime:
         self._set_by = 0
 
     def read(self) -> Moment:
-        """The time now."""
+        """Return the time now."""
         with self._lock:
             simulated = self._clock.ros_time_is_active
             now, steady = self._clock.now().nanoseconds, self._steady()
@@ -100,10 +100,10 @@ class NodeTime:
             return Moment(1e-9 * passed, 1e-9 * self._running, simulated, 1e-9 * self._set_by, now)
 
     def ros_time(self, now: float) -> int:
-        """What the ROS clock shows [ns] at a time as of `Moment.now` [s]."""
+        """Return what the ROS clock shows [ns] at a time as of `Moment.now` [s]."""
         with self._lock:
             return self._began + self._set_by + round(1e9 * now)
 
     def running(self) -> float:
-        """`Moment.running` now."""
+        """Return `Moment.running` now."""
         return self.read().running

@@ -1,4 +1,4 @@
-"""How much of the planner's time its obstacles take, and how many of them would fit."""
+"""The share of the planner's time that its obstacles take, and how many of them would fit."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ class Load(NamedTuple):
 
 
 class ObstacleLoad:
-    """Adds up the processor time that obstacle messages take.
+    """The sum of the processor time that obstacle messages take.
 
     Parameters
     ----------
@@ -43,7 +43,7 @@ class ObstacleLoad:
         self._sum, self._received, self._since = 0.0, 0, clock()
 
     @contextmanager
-    def counted(self) -> Iterator[None]:
+    def count_time(self) -> Iterator[None]:
         """Count what the calling thread does inside."""
         began = self._spent()
         try:
@@ -68,7 +68,7 @@ class ObstacleLoad:
 
 
 def advice(obstacles: int, load: Load, rate: float, tick: float) -> str:
-    """What to do about a loop that is too slow: where obstacles take most of the time, how many would fit.
+    """Return what to do about a loop that is too slow: where obstacles take most of the time, how many would fit.
 
     Receiving takes time in proportion to the obstacles a second, which a loop that cannot keep up does not all
     receive: as many fit as take a quarter of a core. Planning takes time in proportion to their number: as many fit as

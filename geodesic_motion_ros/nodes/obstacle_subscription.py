@@ -21,7 +21,7 @@ _COPY_WITHIN = 1.0
 
 
 class ObstacleSubscription:
-    """Receives a topic whatever quality of service its publishers offer, and each message once.
+    """A subscription that receives a topic whatever quality of service its publishers offer, and each message once.
 
     DDS connects no best-effort publisher with a reliable subscription, and hands what a latched publisher sent
     earlier to transient-local subscriptions only. So there is one subscription from the beginning on, and as soon as a
@@ -54,7 +54,8 @@ class ObstacleSubscription:
         self._subscribe(reliability, DurabilityPolicy.VOLATILE)
 
     def other_types(self) -> list[str]:
-        """Sentences about the publishers whose messages never arrive: they are of another type than the topic's."""
+        """Return sentences about the publishers whose messages never arrive: they are of another type than the topic's.
+        """
         expected = f"{self._kind.__module__.split('.')[0]}/msg/{self._kind.__name__}"
         return [
             f"{found.node_namespace.rstrip('/')}/{found.node_name} publishes {found.topic_type}, expected is {expected}"

@@ -52,7 +52,7 @@ class Parameter:
     read_only: bool = True
 
     def as_declared(self, value: object) -> object:
-        """A value with its integers as floats where floats are declared: 1 is how people write 1.0.
+        """Return a value with its integers as floats where floats are declared: 1 is how people write 1.0.
 
         ROS knows a type for each parameter, and hands out arrays as array.array; a list compares and prints like one.
         """
@@ -116,7 +116,7 @@ class Parameter:
 
     @property
     def allowed(self) -> str:
-        """What is allowed, in words."""
+        """The values that are allowed, in words."""
         if self._of_texts:
             return f'a list of {", ".join(self.choices)}; [""] for none'
         if self.choices:
@@ -140,7 +140,7 @@ class Parameter:
         return f" [{self.unit}]" if self.unit else ""
 
     def descriptor(self) -> ParameterDescriptor:
-        """The ROS descriptor; a range is declared when both ends are known."""
+        """Return the ROS descriptor; a range is declared when both ends are known."""
         descriptor = ParameterDescriptor(description=f"{self.description}{self._unit_text}", read_only=self.read_only)
         if self.choices:
             descriptor.additional_constraints = self.allowed
@@ -263,7 +263,7 @@ def _as_float(value: object) -> object:
 
 
 def yaml_document(node_name: str, table: Sequence[Parameter]) -> str:
-    """The commented parameter file of a node, all defaults, for any namespace."""
+    """Return the commented parameter file of a node, all defaults, for any namespace."""
     lines = [
         f"# Every parameter of the node `{node_name}` with its default.",
         "# Units stand in brackets, ranges include their ends.",
@@ -287,7 +287,7 @@ def _remarks(parameter: Parameter) -> str:
 
 
 def markdown_table(table: Sequence[Parameter]) -> str:
-    """The parameters of a node for people."""
+    """Return the parameters of a node for people."""
     lines = ["| parameter | default | allowed | | |", "|---|---|---|---|---|"]
     for parameter in table:
         when = "start only" if parameter.read_only else "at any time"
@@ -297,7 +297,7 @@ def markdown_table(table: Sequence[Parameter]) -> str:
 
 
 def short_text(value: Value) -> str:
-    """A value as a parameter file has it, and no more of it than fits into a line."""
+    """Return a value as a parameter file has it, and no more of it than fits into a line."""
     text = f'"{value}"' if isinstance(value, str) else str(value).lower() if isinstance(value, bool) else str(value)
     return text if len(text) <= _LONGEST_VALUE else f"{text[:_LONGEST_VALUE]}..."
 

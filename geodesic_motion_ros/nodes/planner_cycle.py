@@ -20,7 +20,7 @@ import numpy as np
 
 from geodesic_motion_ros.geometry.distance_field import DistanceField
 from geodesic_motion_ros.geometry.task_frame import TaskFrame
-from geodesic_motion_ros.nodes.arm_watch import ArmWatch, Unsettled
+from geodesic_motion_ros.nodes.arm_watch import ArmWatch, UnsettledArm
 from geodesic_motion_ros.nodes.cycle import CycleInputs, CycleOutput, Pose
 from geodesic_motion_ros.nodes.cycle_clock import CycleClock
 from geodesic_motion_ros.nodes.deviation import joint_deviation, pose_deviation
@@ -54,7 +54,7 @@ _NO_PROGRESS = 0.01
 
 
 class PlannerCycle:
-    """Turns inputs into ticks of a planner, and its plans into commands: one cycle of the planner node for a whole arm.
+    """The cycle of the planner node for a whole arm, which turns inputs into ticks and plans into commands.
 
     Parameters
     ----------
@@ -107,7 +107,7 @@ class PlannerCycle:
         self._horizon = Horizon(horizon)
         self.tracking_tolerance, self.tool_tolerance = tracking_tolerance, tool_tolerance
         # An arm that does not hold the posture it was sent, and where its tool was when it last did not (3,) [m].
-        self._astray: Unsettled | None = None
+        self._astray: UnsettledArm | None = None
         self._astray_at: np.ndarray | None = None
         self._now = 0.0
         self._stood = False
@@ -136,11 +136,11 @@ class PlannerCycle:
 
     @property
     def goal_number(self) -> int:
-        """Of the newest goal that was received, counted from 1; 0 before the first."""
+        """The number of the newest goal that was received, counted from 1; 0 before the first."""
         return self._goal.number
 
     def run(self, inputs: CycleInputs, period: float) -> CycleOutput:
-        """One cycle of a period [s]: judge the inputs, take a goal, know where the arm is, and ask the planner.
+        """Run one cycle of a period [s]: judge the inputs, take a goal, know where the arm is, and ask the planner.
 
         The steps before that, whose order matters:
 
@@ -155,7 +155,7 @@ class PlannerCycle:
         braking = self._horizon.overrun(inputs.now + self.planner.settings.latency)
         if braking is not None:
             reason = f"no cycle for {self._horizon.length:g} s: the arm came to rest by itself"
-            self.planner.braked(braking.reference, braking.begin, Refusal(VerdictCode.DEADLINE_MISSED, reason))
+            self.planner.record_braking(braking.reference, braking.begin, Refusal(VerdictCode.DEADLINE_MISSED, reason))
             self._horizon.forget()
         self._take_arm(inputs)
         self._released = self._not_left(inputs)
@@ -184,7 +184,7 @@ class PlannerCycle:
         measured = inputs.measured
         if measured is None or not np.any(self.planner.robot.is_continuous):
             return inputs
-        commanded = self.planner.commanded(inputs.now) if self._arm.lost is None else None
+        commanded = self.planner.commanded_state(inputs.now) if self._arm.lost is None else None
         near = self._near if commanded is None else commanded[0]
         self._near = measured if near is None else self.planner.robot.nearest_turn(measured, near)
         self._turned_by = measured - self._near
@@ -195,7 +195,7 @@ class PlannerCycle:
         changes = self.changes
         if inputs.held != self._held or changes != self._changes:
             self._held, self._changes = inputs.held, changes
-            self._arms.ask(partial(self.planner.prepared_arm, inputs.held, **changes))
+            self._arms.ask(partial(self.planner.prepare_arm, inputs.held, **changes))
         before = self.planner.held
         self._uncounted = _uncounted(inputs.held, before)
         try:
@@ -213,7 +213,7 @@ class PlannerCycle:
         self._obstacles_version = -1
         self._tracking.take_collision(self.planner.collision)
         names = {held.name for held in self.planner.held}
-        commanded = self.planner.commanded(inputs.now)
+        commanded = self.planner.commanded_state(inputs.now)
         if commanded is not None:
             tool = TaskFrame(*self.planner.robot.forward(commanded[0]))
             left = (held for held in before if held.name not in names)
@@ -222,7 +222,7 @@ class PlannerCycle:
 
     def _not_left(self, inputs: CycleInputs) -> dict[str, Obstacles]:
         """Of the places of released objects those near which the arm is, or near the obstacle that is still there."""
-        planner, commanded = self.planner, self.planner.commanded(inputs.now) if self._released else None
+        planner, commanded = self.planner, self.planner.commanded_state(inputs.now) if self._released else None
         if commanded is None:
             return self._released
         uncertain = planner.settings.obstacle_position_error + planner.tracking.error
@@ -239,7 +239,7 @@ class PlannerCycle:
         }
 
     def stop(self, verdict: Refusal) -> CycleOutput:
-        """The end of a cycle that failed, in `run` or before: come to rest, and say why."""
+        """End a cycle that failed, in `run` or before: come to rest, and say why."""
         return self._output(self.planner.stop(self._now, verdict, self._handover_deadline()))
 
     def _handover_deadline(self) -> Deadline:
@@ -263,8 +263,8 @@ class PlannerCycle:
 
     def _output(self, plan: Plan) -> CycleOutput:
         trajectory = self._hand_over(plan)
-        commanded = self.planner.commanded(self._now)
-        path = self.planner.to_goal() if plan.verdict.ok else None
+        commanded = self.planner.commanded_state(self._now)
+        path = self.planner.motion_to_goal() if plan.verdict.ok else None
         if trajectory is not None and np.any(self._turned_by):
             reference, begin = trajectory
             trajectory = replace(reference, positions=reference.positions + self._turned_by), begin
@@ -294,7 +294,7 @@ class PlannerCycle:
             # What is being played is a stop already, or a path that this cycle found no time to certify, or to stop on:
             # the arm brakes where what was sent ends.
             return None
-        elif self._horizon.must_renew(self._now) and (playing := self.planner.playing(self._now)) is not None:
+        elif self._horizon.must_renew(self._now) and (playing := self.planner.remaining_motion(self._now)) is not None:
             sent = self._horizon.bound(*playing, self._now, limits)
         else:
             return None
@@ -308,8 +308,8 @@ class PlannerCycle:
     def _preparing(self, inputs: CycleInputs) -> Callable[[], PreparedGoal | Refusal]:
         self._again = False
         if isinstance(inputs.goal, np.ndarray):
-            return partial(self.planner.prepared_configuration, inputs.goal)
-        return partial(self.planner.prepared_goal, *inputs.goal, inputs.goal_in_task_frame)
+            return partial(self.planner.prepare_configuration, inputs.goal)
+        return partial(self.planner.prepare_goal, *inputs.goal, inputs.goal_in_task_frame)
 
     def _take_prepared(self, prepared: PreparedGoal | Refusal) -> Verdict:
         """Plan to a prepared goal from now on; a refused one leaves the goal before."""
@@ -339,7 +339,7 @@ class PlannerCycle:
         self._frame_verdict = self.planner.move_task_frame(*frame)
         if self._goal.is_set and self._frame_verdict.ok and self._goal.is_prepared:
             self._again = True
-            self._goal.prepare(self.planner.prepared_again)
+            self._goal.prepare(self.planner.prepare_again)
 
     def _take_state(self, inputs: CycleInputs) -> Refusal | None:
         """Go by where the arm was measured; why that is not possible, None where it is."""
@@ -359,7 +359,7 @@ class PlannerCycle:
         self._stood = self._stood or self._standing.verdict.ok
 
     def _track(self, measured: np.ndarray, taken: float) -> None:
-        commanded = self.planner.commanded(taken)
+        commanded = self.planner.commanded_state(taken)
         assert commanded is not None  # otherwise the arm would just have begun
         tracking = self._tracking.add(measured, commanded[0], taken)
         # Since then the arm may have stood.
@@ -367,7 +367,7 @@ class PlannerCycle:
         self.planner.set_tracking(replace(tracking, lag=tracking.lag + unseen))
 
     def _deviation(self, measured: np.ndarray, taken: float) -> tuple[str, str] | None:
-        commanded = self.planner.commanded(taken)
+        commanded = self.planner.commanded_state(taken)
         assert commanded is not None  # otherwise the arm would just have begun
         robot = self.planner.robot
         if self._command_topic == "target_pose":
@@ -391,7 +391,7 @@ class PlannerCycle:
             self._astray = None
             return refusal
         if self._astray is None:
-            commanded = self.planner.commanded(inputs.now - inputs.state_age)
+            commanded = self.planner.commanded_state(inputs.now - inputs.state_age)
             assert commanded is not None  # otherwise the arm would just have begun
             names = self.planner.robot.joint_names
             deviation = joint_deviation(measured, commanded[0], names, self.tracking_tolerance)
@@ -399,10 +399,10 @@ class PlannerCycle:
                 return None
             tool = self.planner.robot.forward(measured)[0]
             stray = self._stray(tool, *deviation)
-            self._astray, self._astray_at = Unsettled(stray.refusal, measured), tool
+            self._astray, self._astray_at = UnsettledArm(stray.refusal, measured), tool
             return self._goal.heed(stray)
-        self._astray = self._astray.measured_again(measured, self._time.step)
-        if not self._astray.rests:
+        self._astray = self._astray.after_measurement(measured, self._time.step)
+        if not self._astray.is_at_rest:
             return self._astray.refusal
         self._begin_at(measured, inputs.now)
         self._astray = None

@@ -1,4 +1,4 @@
-"""What a node that plans hears, shows and answers, whatever plans in it.
+"""The face of a node that plans, which hears, shows and answers, whatever plans in it.
 
 The control loop has a thread of its own on the steady clock. Callbacks only check and store (`planner_inputs`),
 pictures are drawn by threads of their own, and another one answers the service `plan`.
@@ -94,7 +94,9 @@ class PlannerFace:
         self._name = skill.name
 
     def introduction(self, subject: str) -> str:
-        """What the node is ready for, what it publishes and what it waits for. subject : what moves, for a person."""
+        """Return what the node is ready for, what it publishes and what it waits for. subject : what moves, for a
+        person.
+        """
         states, goals = self._awaited
         return (
             f"ready: skill '{self._name}' of {subject}, commands on {self.outputs.command_topic}; "
@@ -151,7 +153,7 @@ class PlannerFace:
         that are counted.
         """
         figures = {**margins, **({} if inputs is None else inputs.figures)}
-        self.outputs.status(
+        self.outputs.publish_status(
             output, goal_number, self.inputs.refusals, self.loop, self._newest_plan, figures, held
         )
         if held != self._held:
@@ -170,11 +172,11 @@ class PlannerFace:
             self._publish_path(output)
 
     def _publish_path(self, output: CycleOutput) -> None:
-        if self.outputs.path_is_watched:
-            self.outputs.path(None if output.reference is None else self._tool_poses(output.reference))
+        if self.outputs.is_path_watched:
+            self.outputs.publish_path(None if output.reference is None else self._tool_poses(output.reference))
 
     def _say_goal(self, output: CycleOutput) -> None:
-        if output.goal_refused:
+        if output.is_goal_refused:
             self._say(output.goal_verdict, "newest goal refused: ")
         elif output.goal_verdict.ok:
             self._say(output.goal_verdict, "newest goal accepted: ")
@@ -198,12 +200,12 @@ class PlannerFace:
         """
 
         def is_watched() -> bool:
-            return self.outputs.path_is_watched or self.outputs.markers_are_watched
+            return self.outputs.is_path_watched or self.outputs.are_markers_watched
 
         def draw(inputs: CycleInputs, output: CycleOutput) -> None:
             if output.reference is not None:
                 self._publish_path(output)
-            if self.outputs.markers_are_watched:
+            if self.outputs.are_markers_watched:
                 path = np.zeros((0, 3)) if output.reference is None else self._tool_poses(output.reference)[0]
                 draw_markers(inputs, output, path)
 
@@ -223,9 +225,10 @@ class PlannerFace:
             path = None if output.reference is None else output.reference.latent
             obstacles = inputs.obstacles.moved_on(inputs.heard, 0.0, inputs.now)
             verdict = output.verdict
-            self.outputs.view(view.render(obstacles, path, verdict.code.name, verdict.figures.displacement > 0.0))
+            is_detour = verdict.figures.displacement > 0.0
+            self.outputs.publish_view(view.render(obstacles, path, verdict.code.name, is_detour))
 
-        self._draw("~/latent_view", draw, lambda: self.outputs.view_is_watched, rate)
+        self._draw("~/latent_view", draw, lambda: self.outputs.is_view_watched, rate)
 
     def _draw(
         self, name: str, draw: Callable[[CycleInputs, CycleOutput], None], watched: Callable[[], bool], rate: float
@@ -260,7 +263,7 @@ class PlannerFace:
         for kind in remarks.keys() - self._remarked:
             self._log.warning(remarks[kind])
         self._remarked |= remarks.keys()
-        self.outputs.diagnostics(
+        self.outputs.publish_diagnostics(
             self.loop.statistics(),
             self._options["rate"],
             self.inputs.ages(),
@@ -295,13 +298,13 @@ class PlannerFace:
             self.inputs.request_hold(request.data)
             return "holding" if request.data else "released"
 
-        return self.inputs.refusals.answered("~/hold", response, hold)
+        return self.inputs.refusals.answer("~/hold", response, hold)
 
     def _on_clear_obstacles(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         def clear() -> str:
             return f"{self.inputs.clear_obstacles()} obstacles forgotten"
 
-        return self.inputs.refusals.answered("~/clear_obstacles", response, clear)
+        return self.inputs.refusals.answer("~/clear_obstacles", response, clear)
 
 
 def _path_news(before: tuple[CycleInputs, CycleOutput], now: tuple[CycleInputs, CycleOutput]) -> bool:

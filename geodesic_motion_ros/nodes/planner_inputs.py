@@ -23,8 +23,13 @@ from geodesic_motion_ros.nodes.cloud_thread import CloudFigures, CloudThread, po
 from geodesic_motion_ros.nodes.cycle import CycleInputs
 from geodesic_motion_ros.nodes.described_arm import DescribedArm
 from geodesic_motion_ros.nodes.frames import frames_of
-from geodesic_motion_ros.nodes.marker_bytes import marker_in, markers_in
-from geodesic_motion_ros.nodes.marker_messages import MarkerUpdate, held_after, read_marker, unknown_after
+from geodesic_motion_ros.nodes.marker_bytes import parse_marker, parse_markers
+from geodesic_motion_ros.nodes.marker_messages import (
+    MarkerUpdate,
+    held_objects_after,
+    read_marker,
+    unknown_objects_after,
+)
 from geodesic_motion_ros.nodes.messages import (
     MessageRefused,
     frame_of,
@@ -39,7 +44,7 @@ from geodesic_motion_ros.nodes.obstacle_load import Load, ObstacleLoad
 from geodesic_motion_ros.nodes.obstacle_subscription import ObstacleSubscription
 from geodesic_motion_ros.nodes.parameters import NodeParameters
 from geodesic_motion_ros.nodes.publishers import LATCHED
-from geodesic_motion_ros.nodes.refusals import Refusals
+from geodesic_motion_ros.nodes.refusals import RefusalLog
 from geodesic_motion_ros.obstacles.tracker import Key, ObstacleTracker
 from geodesic_motion_ros.planning.status import Refusal, VerdictCode
 from geodesic_motion_ros.robot.held_objects import HeldObject
@@ -85,7 +90,7 @@ class PlannerInputs:
         self._obstacles_changed = obstacles_changed
         self._frame: str = parameters["base_frame"]
         self.frames = frames_of(node)
-        self.refusals = Refusals(node.get_logger().warning)
+        self.refusals = RefusalLog(node.get_logger().warning)
         self.time = NodeTime(node.get_clock())
         self._lock = threading.Lock()
         # "" stands for none
@@ -131,7 +136,7 @@ class PlannerInputs:
         self._cloud_thread.stop()
 
     def snapshot(self) -> CycleInputs:
-        """What is known now."""
+        """Return what is known now."""
         self.arm.update()
         moment = self.time.read()
         now = moment.running
@@ -174,7 +179,7 @@ class PlannerInputs:
         )
 
     def ages(self) -> dict[str, float]:
-        """Seconds since the newest data of each input was taken."""
+        """Return the seconds since the newest data of each input was taken."""
         now = self.time.running()
         with self._lock:
             ages = self._tracker.ages(now)
@@ -185,18 +190,18 @@ class PlannerInputs:
         return ages
 
     def remarks(self) -> dict[str, str]:
-        """What a person should know of inputs that are taken, by kind; to be asked once a second."""
+        """Return what a person should know of inputs that are taken, by kind; to be asked once a second."""
         remarks = self.arm.remarks(self.time.running(), self._parameters["state_timeout"])
         return remarks | ({"description": self._described.remark} if self._described.remark else {})
 
     def take_obstacle_load(self) -> tuple[int, Load]:
-        """How many obstacles there are, and the load of their messages since the last call."""
+        """Return how many obstacles there are, and take the load of their messages since the last call."""
         with self._lock:
             count = len(self._tracker.current(self.time.running()))
         return count, self._load.take()
 
     def cloud_figures(self) -> CloudFigures:
-        """Of the newest point cloud."""
+        """Return the figures of the newest point cloud."""
         with self._lock:
             return self._cloud_figures
 
@@ -221,6 +226,7 @@ class PlannerInputs:
                 raise MessageRefused(reason)
 
     def request_hold(self, hold: bool) -> None:
+        """Take the request of a hold, or of its end."""
         with self._lock:
             self._hold = hold
 
@@ -252,7 +258,7 @@ class PlannerInputs:
         """
 
         def receive(message: Any) -> list[Key]:
-            with self._load.counted(), self._obstacle_guard(topic):
+            with self._load.count_time(), self._obstacle_guard(topic):
                 return take(message) or []
             return []
 
@@ -275,7 +281,7 @@ class PlannerInputs:
 
     @contextmanager
     def _obstacle_guard(self, topic: str) -> Iterator[None]:
-        """As `Refusals.guard`; what is refused here may be in the arm's path all the same."""
+        """As `RefusalLog.guard`; what is refused here may be in the arm's path all the same."""
         with self.refusals.guard(topic) as guard:
             yield
         if guard.reason:
@@ -284,6 +290,7 @@ class PlannerInputs:
             self._obstacles_changed()
 
     def on_joint_states(self, message: bytes) -> None:
+        """Take a serialised JointState."""
         self.arm.receive(message, self.time.read())
 
     def _on_goal(self, message: PoseStamped) -> None:
@@ -311,6 +318,7 @@ class PlannerInputs:
             self._goal_number += 1
 
     def on_task_frame(self, message: PoseStamped) -> None:
+        """Take the pose of the task frame."""
         frame = read_pose(message, self._frame, self.frames)
         moment = self.time.read()
         with self._lock:
@@ -319,7 +327,7 @@ class PlannerInputs:
 
     def on_obstacles(self, message: bytes) -> list[Key]:
         """Take obstacles, and return the keys of those that the message puts somewhere."""
-        markers, updates, refused = markers_in(message), [], ""
+        markers, updates, refused = parse_markers(message), [], ""
         self._load.count(len(markers))
         for marker in markers:
             # one bad marker must not hide the good ones beside it
@@ -344,20 +352,20 @@ class PlannerInputs:
         return [update.key for update in updates if update.action == "put"]
 
     def receive_held(self, message: bytes) -> None:
-        """All of a message, or nothing; the arm stands as long as anything that was to be attached is unknown."""
+        """Take all of a message, or nothing; the arm stands as long as anything that was to be attached is unknown."""
         markers = None
         with self.refusals.guard(HELD) as guard:
-            markers = markers_in(message)
-            held = held_after(markers, self._held, self._robot, self._unknown_held)
+            markers = parse_markers(message)
+            held = held_objects_after(markers, self._held, self._robot, self._unknown_held)
             with self._lock:
                 self._held = held
         with self._lock:
-            self._unknown_held = unknown_after(self._unknown_held, markers, guard.reason)
+            self._unknown_held = unknown_objects_after(self._unknown_held, markers, guard.reason)
 
     def on_marker(self, message: bytes) -> list[Key]:
-        """As `on_obstacles`, of one marker."""
+        """Take an obstacle, as `on_obstacles`, of one marker."""
         self._load.count(1)
-        update = read_marker(marker_in(message), self._frame, self.frames)
+        update = read_marker(parse_marker(message), self._frame, self.frames)
         moment = self.time.read()
         with self._lock:
             taken = self._apply("obstacle_marker", update, moment.running, moment.transit(update.stamp))
@@ -384,6 +392,7 @@ class PlannerInputs:
             self.refusals.add(source, "overtaken: its stamp is older than that of what was heard before")
 
     def on_point(self, message: PointStamped) -> None:
+        """Take a point as an obstacle."""
         centre = read_point(message, self._frame, self.frames)
         radius, lifetime = self._parameters["obstacle_point_radius"], self._parameters["obstacle_lifetime"]
         moment = self.time.read()
@@ -397,6 +406,7 @@ class PlannerInputs:
 
     def on_cloud(self, message: PointCloud2) -> None:
         # one that is of no use must not take the place of one that waits
+        """Take a point cloud."""
         frame_of(message.header, self._frame, self.frames)
         moment = self.time.read()
         self._cloud_thread.put(message, (moment.running, moment.transit(seconds(message.header.stamp))))

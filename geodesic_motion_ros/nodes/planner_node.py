@@ -21,7 +21,7 @@ from geodesic_motion_ros.nodes.parameters import NodeParameters, Value
 from geodesic_motion_ros.nodes.planner_cycle import PlannerCycle
 from geodesic_motion_ros.nodes.planner_face import PlannerFace
 from geodesic_motion_ros.nodes.planner_parameters import (
-    loaded_skill,
+    load_skill,
     planner_settings,
     refuse_no_rotation,
     tool_tolerance,
@@ -56,7 +56,7 @@ class PlannerNode(LoopingNode):
 
     def _build(self) -> None:
         values = self._options = NodeParameters(self, PLANNER, _check_settings, self._parameters_changed)
-        skill = loaded_skill(self, values)
+        skill = load_skill(self, values)
         self._worker = DetourWorker()
         self._goals = ThreadPoolExecutor(1, thread_name_prefix="goals")
         scene = declared_scene(values["scene"], skill)
@@ -99,9 +99,9 @@ class PlannerNode(LoopingNode):
         inputs, output = self.face.cycle(self.cycle.run, self.cycle.stop)
         if self._sends_trajectories:
             if output.trajectory is not None:
-                self.outputs.trajectory(*output.trajectory)
+                self.outputs.publish_trajectory(*output.trajectory)
         elif output.configuration is not None:
-            self.outputs.target(*self.planner.robot.forward(output.configuration), output.configuration)
+            self.outputs.publish_target(*self.planner.robot.forward(output.configuration), output.configuration)
         self.face.tell(inputs, output, self.cycle.goal_number, self._margins(), self.planner.held)
 
     def _margins(self) -> dict[str, float]:
@@ -136,7 +136,7 @@ class PlannerNode(LoopingNode):
             held, tool = self.planner.held, TaskFrame(*self.planner.robot.forward(output.configuration))
             body = self._body(output.configuration)
         is_detour = output.verdict.figures.displacement > 0.0
-        self.outputs.markers(path, is_detour, inputs.obstacles, self.planner.scene, body, held, tool)
+        self.outputs.publish_markers(path, is_detour, inputs.obstacles, self.planner.scene, body, held, tool)
 
     def _body(self, configuration: np.ndarray) -> np.ndarray:
         """Spheres (K, 4) that obstacles are kept away from, where they are commanded to be: centre and radius [m]."""
@@ -156,7 +156,7 @@ class PlannerNode(LoopingNode):
 
 
 def latent_view(planner: ReactivePlanner, skill: Skill, size: int) -> LatentPicture | None:
-    """What draws the latent space of a planner's skill; None where it cannot be drawn."""
+    """Return what draws the latent space of a planner's skill; None where it cannot be drawn."""
     drawn = skill.space, skill.decoder.latent_dimension
     if drawn == ("task", 2):
         settings = planner.settings

@@ -42,7 +42,7 @@ from geodesic_motion_ros.nodes.messages import (
 from geodesic_motion_ros.nodes.node_time import NodeTime
 from geodesic_motion_ros.nodes.obstacle_load import Load, advice
 from geodesic_motion_ros.nodes.publishers import LATCHED, publishers_of, subscribers_of
-from geodesic_motion_ros.nodes.refusals import Refusals
+from geodesic_motion_ros.nodes.refusals import RefusalLog
 from geodesic_motion_ros.nodes.steady_loop import LoopStatistics, SteadyLoop
 from geodesic_motion_ros.nodes.trajectory_bytes import joint_trajectory_bytes
 from geodesic_motion_ros.obstacles.tracker import ObstacleSet
@@ -125,8 +125,10 @@ class PlannerOutputs:
         """The full name of the topic of the commands."""
         return self._commands.topic_name
 
-    def target(self, position: np.ndarray, quaternion: np.ndarray, posture: np.ndarray | None = None) -> None:
-        """The pose to be at now, and the configuration (eta,) [rad] that holds it; only the control loop calls this."""
+    def publish_target(self, position: np.ndarray, quaternion: np.ndarray, posture: np.ndarray | None = None) -> None:
+        """Publish the pose to be at now, and the configuration (eta,) [rad] that holds it; only the control loop calls
+        this.
+        """
         stamp = self._target_message.header.stamp = self._cycle
         # Both signs are one orientation, between which a controller may turn along the longer arc.
         self._facing = -quaternion if quaternion @ self._facing < 0.0 else quaternion
@@ -138,8 +140,8 @@ class PlannerOutputs:
             self._postures.publish(self._posture_message)
         self._commands.publish(self._target_message)
 
-    def trajectory(self, reference: JointReference, begin: float) -> None:
-        """What to play from `begin` on, a time as of `Moment.now` [s]; only the control loop calls this."""
+    def publish_trajectory(self, reference: JointReference, begin: float) -> None:
+        """Publish what to play from `begin` on, a time as of `Moment.now` [s]; only the control loop calls this."""
         knots = reference.positions, reference.velocities, reference.accelerations
         stamp = self._time.ros_time(begin)
         self._commands.publish(joint_trajectory_bytes(self._joint_names, reference.times, *knots, stamp))
@@ -151,17 +153,17 @@ class PlannerOutputs:
         self._received_by = subscribers_of(self._node, self.command_topic)
         return publishers_of(self._node, self.command_topic), self._received_by
 
-    def status(
+    def publish_status(
         self,
         output: CycleOutput,
         goal_number: int,
-        refusals: Refusals,
+        refusals: RefusalLog,
         loop: SteadyLoop,
         plan: str,
         figures: Mapping[str, float],
         held: Sequence[HeldObject],
     ) -> None:
-        """The verdict of a cycle, sent from within its tick: ticks and durations are of those before it.
+        """Publish the verdict of a cycle, sent from within its tick: ticks and durations are of those before it.
 
         goal_number : of the newest goal, whether it was accepted or not.
         figures : what the certificate counts, and ages of inputs, by name.
@@ -170,9 +172,9 @@ class PlannerOutputs:
         """
         verdict, path, newest = output.verdict, output.verdict.figures, refusals.newest(within=1.0)
         level, message = _LEVELS.get(verdict.code, DiagnosticStatus.ERROR), verdict.sentence
-        if output.goal_refused and output.goal_verdict.sentence != message:
+        if output.is_goal_refused and output.goal_verdict.sentence != message:
             message += f"; newest goal refused: {output.goal_verdict.sentence}"
-        if newest or output.goal_refused:
+        if newest or output.is_goal_refused:
             level = max(level, DiagnosticStatus.WARN)
         values = {
             "code": verdict.code.name,
@@ -207,7 +209,7 @@ class PlannerOutputs:
         }
         self._publish_status(self._status, level, "verdict", message, values, self._cycle)
 
-    def diagnostics(
+    def publish_diagnostics(
         self,
         loop: LoopStatistics,
         rate: float,
@@ -218,8 +220,8 @@ class PlannerOutputs:
         obstacles: int,
         load: Load,
     ) -> None:
-        """The health of the loop: rate [Hz], tick [ms], misses, ages of inputs [s], refused messages by topic, what
-        is odd about inputs, the newest point cloud, how many obstacles there are, and the load of their messages.
+        """Publish the health of the loop: rate [Hz], tick [ms], misses, ages of inputs [s], refused messages by topic,
+        what is odd about inputs, the newest point cloud, how many obstacles there are, and the load of their messages.
         """
         values: dict[str, object] = {
             "rate_hz": loop.rate,
@@ -247,23 +249,24 @@ class PlannerOutputs:
         self._publish_status(self._diagnostics, level, "loop", message, values, self._now())
 
     @property
-    def path_is_watched(self) -> bool:
+    def is_path_watched(self) -> bool:
         return bool(self._path.get_subscription_count())
 
     @property
-    def markers_are_watched(self) -> bool:
+    def are_markers_watched(self) -> bool:
         return bool(self._markers.get_subscription_count())
 
     @property
-    def view_is_watched(self) -> bool:
+    def is_view_watched(self) -> bool:
         return bool(self._view.get_subscription_count())
 
-    def path(self, poses: Pose | None) -> None:
-        """Tool positions (n, 3) and quaternions (n, 4) of the present path; an empty path when there is none."""
+    def publish_path(self, poses: Pose | None) -> None:
+        """Publish tool positions (n, 3) and quaternions (n, 4) of the present path; an empty path when there is none.
+        """
         positions, quaternions = (np.zeros((0, 3)), np.zeros((0, 4))) if poses is None else poses
         self._path.publish(path_message(positions, quaternions, self._frame, self._now()))
 
-    def markers(
+    def publish_markers(
         self,
         path: np.ndarray,
         is_detour: bool,
@@ -273,9 +276,9 @@ class PlannerOutputs:
         held: Sequence[HeldObject],
         tool: TaskFrame,
     ) -> None:
-        """The path (n, 3), in another colour where it is a detour, obstacles as the planner sees them (of a cloud some
-        occupied cubes), the declared scene, faint what it lists as seen, and the body's spheres (K, 4): centre and
-        radius [m], base frame; and the objects in the hand, with the tool where it is commanded to be.
+        """Publish the path (n, 3), in another colour where it is a detour, obstacles as the planner sees them (of a
+        cloud some occupied cubes), the declared scene, faint what it lists as seen, and the body's spheres (K, 4):
+        centre and radius [m], base frame; and the objects in the hand, with the tool where it is commanded to be.
         """
         stamp = self._now()
         shown: list[Marker] = []
@@ -303,8 +306,8 @@ class PlannerOutputs:
             shown.append(held_marker(number, one, *place, _HELD_COLOUR, self._frame, stamp))
         self._markers.publish(self._scene.update(shown, stamp))
 
-    def view(self, pixels: np.ndarray) -> None:
-        """A picture (h, w, 3) uint8 of the latent space."""
+    def publish_view(self, pixels: np.ndarray) -> None:
+        """Publish a picture (h, w, 3) uint8 of the latent space."""
         self._view.publish(image_message(pixels, self._now()))
 
     def _publish_status(

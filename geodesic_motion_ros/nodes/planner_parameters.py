@@ -1,4 +1,4 @@
-"""What the parameters of a node that plans stand for."""
+"""The meaning of the parameters of a node that plans."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ _SETTINGS = (
 _TOOL_LIMITS = ("speed", "angular_speed", "acceleration")
 
 
-def loaded_skill(node: Node, options: NodeParameters) -> Skill:
+def load_skill(node: Node, options: NodeParameters) -> Skill:
     """Load the skill that a node's parameters name, and let what belongs to its robot stand in for their defaults.
 
     Raises
@@ -35,7 +35,7 @@ def loaded_skill(node: Node, options: NodeParameters) -> Skill:
     node.get_logger().info(f"loading the skill {options['skill']}")
     skill = Skill.load(options["skill"])
     try:
-        options.stand_in(of_robot(skill, options.values))
+        options.stand_in(defaults_of_robot(skill, options.values))
         robot = Robot.named(skill.robot)
     except RobotError as error:
         raise SkillError(f"{options['skill']}: {error}") from error
@@ -50,8 +50,10 @@ def loaded_skill(node: Node, options: NodeParameters) -> Skill:
     return skill
 
 
-def of_robot(skill: Skill, values: Mapping[str, Value]) -> dict[str, Value]:
-    """Values of the skill's own robot for the parameters that are still those of the default one; RobotError: none."""
+def defaults_of_robot(skill: Skill, values: Mapping[str, Value]) -> dict[str, Value]:
+    """Return values of the skill's own robot for the parameters that are still those of the default one; RobotError:
+    none.
+    """
     of_default = {parameter.name: parameter.default for parameter in PLANNER}
     spheres = tool_spheres(skill.robot).ravel().tolist()
     own = {"base_frame": values["joint_prefix"] + skill.base_frame, "tool_spheres": spheres}
@@ -59,7 +61,7 @@ def of_robot(skill: Skill, values: Mapping[str, Value]) -> dict[str, Value]:
 
 
 def planner_settings(values: Mapping[str, Value]) -> PlannerSettings:
-    """The planner's settings; PlanningError where parameters do not go together."""
+    """Return the planner's settings; PlanningError where parameters do not go together."""
     spheres = np.array(values["tool_spheres"]).reshape(-1, 4)
     limits = {name: None if values[name] < 0.0 else values[name] for name in _TOOL_LIMITS}
     return PlannerSettings(
@@ -71,7 +73,7 @@ def planner_settings(values: Mapping[str, Value]) -> PlannerSettings:
 
 
 def tool_tolerance(values: Mapping[str, Value]) -> tuple[float, float]:
-    """Largest distance [m] and angle [rad] of the tool from where it was sent."""
+    """Return the largest distance [m] and angle [rad] of the tool from where it was sent."""
     return values["tracking_tolerance"], values["tracking_tolerance_angle"]
 
 

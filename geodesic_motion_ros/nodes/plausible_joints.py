@@ -24,8 +24,8 @@ _JUMPS, _WITHIN = 3, 2.0
 
 
 class PlausibleJoints:
-    """Refuses joint states that the arm cannot have reached since the one before, or that are older than that, and all
-    while two sources alternate.
+    """A check that refuses joint states that the arm cannot have reached since the one before, or that are older than
+    that, and all while two sources alternate.
     """
 
     def __init__(self, robot: Robot) -> None:

@@ -1,4 +1,5 @@
-"""What takes longer than a cycle may is prepared beside the control loop: goals, and what the hand is to hold."""
+"""The preparation of what takes longer than a cycle may, beside the control loop: goals, and what the hand is to hold.
+"""
 
 from __future__ import annotations
 
@@ -10,7 +11,7 @@ Prepared = TypeVar("Prepared")
 
 
 class Preparation(Generic[Prepared]):
-    """Prepares one thing after the other; of those requested meanwhile only the newest is next.
+    """The preparation of one thing after the other; of those requested meanwhile only the newest is next.
 
     So goals that come faster than they are prepared neither queue up nor keep each other from ever being taken. One
     thread asks.
@@ -27,7 +28,7 @@ class Preparation(Generic[Prepared]):
         self._next = prepare
 
     def forget(self) -> None:
-        """What has been requested is not wanted any more."""
+        """Forget what has been requested."""
         self._running = self._next = None
 
     @property

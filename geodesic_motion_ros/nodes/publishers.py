@@ -13,12 +13,12 @@ LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 
 
 def publishers_of(node: Node, topic: str) -> tuple[str, ...]:
-    """Full names of the nodes that publish on a topic, one for each publisher, sorted."""
+    """Return full names of the nodes that publish on a topic, one for each publisher, sorted."""
     return _names(node.get_publishers_info_by_topic(topic))
 
 
 def subscribers_of(node: Node, topic: str) -> tuple[str, ...]:
-    """Full names of the nodes that receive a topic, one for each subscription, sorted."""
+    """Return full names of the nodes that receive a topic, one for each subscription, sorted."""
     return _names(node.get_subscriptions_info_by_topic(topic))
 
 

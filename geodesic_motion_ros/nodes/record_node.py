@@ -21,7 +21,7 @@ from geodesic_motion_ros.nodes.messages import MessageRefused
 from geodesic_motion_ros.nodes.parameter_tables import RECORD
 from geodesic_motion_ros.nodes.parameters import NodeParameters
 from geodesic_motion_ros.nodes.publishers import publishers_of
-from geodesic_motion_ros.nodes.refusals import Refusals
+from geodesic_motion_ros.nodes.refusals import RefusalLog
 from geodesic_motion_ros.nodes.running import STEADY, LoopingNode, run_node
 from geodesic_motion_ros.nodes.usage import PROGRAMS
 from geodesic_motion_ros.utils.errors import DemonstrationError
@@ -34,7 +34,7 @@ _SERVICES = "~/begin, ~/end, ~/delete_last"
 
 
 class RecordNode(LoopingNode):
-    """Records takes into a folder that `inspect` and `train` read.
+    """A node that records takes into a folder that `inspect` and `train` read.
 
     A take begins where joint states arrive that have all joints and stamps that go on, and is judged at its end
     (`TakeFolder.keep`); what it came to is logged, and answered, in one line. One that is not ended is never written.
@@ -54,9 +54,9 @@ class RecordNode(LoopingNode):
         self._samples: JointSamples | None = None
         self._began = 0.0
         self._keys: Keys | None = None
-        self._refusals = Refusals(self.get_logger().warning)
+        self._refusals = RefusalLog(self.get_logger().warning)
         # keys that are pressed twice within a second are answered twice
-        self._requests = Refusals(self.get_logger().warning, quiet=0.0)
+        self._requests = RefusalLog(self.get_logger().warning, quiet=0.0)
         self._joint_states = self.create_subscription(JointState, "joint_states", self._on_joint_states, _EVERY)
         for name, work in (("begin", self._begin), ("end", self._end), ("delete_last", self._delete_last)):
             self.create_service(Trigger, f"~/{name}", self._serving(f"~/{name}", work))
@@ -106,7 +106,7 @@ class RecordNode(LoopingNode):
             except DemonstrationError as error:
                 raise MessageRefused(str(error)) from error
 
-        self._requests.answered(name, response, refusing)
+        self._requests.answer(name, response, refusing)
         if response.success:
             self.get_logger().info(response.message)
         return response
@@ -155,7 +155,7 @@ class RecordNode(LoopingNode):
             self.get_logger().info(progress)
 
     def _read_keys(self) -> None:
-        for key in self._keys.pressed() if self._keys is not None else "":
+        for key in self._keys.read() if self._keys is not None else "":
             if key in " \r\n":
                 name, work = ("begin", self._begin) if self._samples is None else ("end", self._end)
                 self._do(name, work, Trigger.Response())

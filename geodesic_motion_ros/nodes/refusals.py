@@ -16,9 +16,9 @@ from geodesic_motion_ros.nodes.messages import MessageRefused
 _REPEATED = 10.0
 
 
-class Refusals:
-    """Counts refusals by topic and warns of them, for each topic at most once in `quiet` seconds, and of one reason
-    again in ten times that: what is refused for ever must not fill the log.
+class RefusalLog:
+    """A count of refusals by topic, which warns of them, for each topic at most once in `quiet` seconds, and of one
+    reason again in ten times that: what is refused for ever must not fill the log.
 
     `with refusals.guard("goal_pose") as guard:` swallows a MessageRefused raised inside and books it. So it does with
     any other exception, whose traceback is logged as well: one message, request or timer must not end the node.
@@ -33,7 +33,7 @@ class Refusals:
         self._newest, self._newest_at = "", -float("inf")
 
     def add(self, topic: str, reason: str, details: str = "", prefix: str = "refused a message on") -> None:
-        """details : lines for the warning alone, prefix : how it begins."""
+        """Count a refusal. details : lines for the warning alone, prefix : how it begins."""
         now = time.monotonic()
         with self._lock:
             self._counts[topic] = self._counts.get(topic, 0) + 1
@@ -46,10 +46,13 @@ class Refusals:
             self._warn(f"{prefix} {topic}: {reason}{details}")
 
     def guard(self, topic: str, prefix: str = "refused a message on") -> Guard:
+        """Return a context that counts the errors of a message of a topic; prefix : as of `add`."""
         return Guard(self, topic, prefix)
 
-    def answered(self, service: str, response: Any, work: Callable[[], str]) -> Any:
-        """A response of std_srvs with the message that `work` returns; where that raises, the reason and no success."""
+    def answer(self, service: str, response: Any, work: Callable[[], str]) -> Any:
+        """Answer a request of std_srvs with the message that `work` returns; where that raises, with the reason and no
+        success.
+        """
         with self.guard(service, prefix="refused") as guard:
             response.message = work()
         response.success = not guard.reason
@@ -63,20 +66,18 @@ class Refusals:
             return dict(self._counts)
 
     def newest(self, within: float) -> str:
-        """`topic: reason` of the newest refusal if it is younger than `within` seconds, else an empty
-        text.
-        """
+        """Return `topic: reason` of the newest refusal if it is younger than `within` seconds, else an empty text."""
         with self._lock:
             return self._newest if time.monotonic() - self._newest_at < within else ""
 
 
 class Guard(AbstractContextManager):
-    """Context that swallows the errors of one message and counts them in `Refusals`, so that the node lives on.
+    """Context that swallows the errors of one message and counts them in `RefusalLog`, so that the node lives on.
 
     reason : of the error that was swallowed; "" where there was none.
     """
 
-    def __init__(self, refusals: Refusals, topic: str, prefix: str) -> None:
+    def __init__(self, refusals: RefusalLog, topic: str, prefix: str) -> None:
         self._refusals, self._topic, self._prefix = refusals, topic, prefix
         self.reason = ""
 

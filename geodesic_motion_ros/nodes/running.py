@@ -1,5 +1,5 @@
-"""How a node of this package lives and dies: one clear line when it cannot start, exit code 0 on SIGINT
-and SIGTERM.
+"""The life of a node of this package, and its end: one clear line when it cannot start, exit code 0 on SIGINT and
+SIGTERM.
 """
 
 from __future__ import annotations

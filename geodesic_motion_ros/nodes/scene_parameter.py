@@ -8,14 +8,14 @@ from geodesic_motion_ros.utils.errors import FileError, ParameterError
 
 
 def declared_scene(name: str, skill: Skill | None) -> DeclaredScene | None:
-    """As `DeclaredScene.named`; of an empty text the scene that a skill was recorded in.
+    """Return the scene of `DeclaredScene.from_name`; of an empty text the scene that a skill was recorded in.
 
     Raises
     ------
-    ParameterError : as of `named`; names the parameter and what is wrong. SkillError : as of `DeclaredScene.recorded`.
+    ParameterError : as of `named`; names the parameter and what is wrong. SkillError : as of `DeclaredScene.of_skill`.
     """
     try:
-        scene = DeclaredScene.named(name)
+        scene = DeclaredScene.from_name(name)
     except FileError as error:
         raise ParameterError(f"parameter scene: {error}") from error
-    return scene or (None if skill is None else DeclaredScene.recorded(skill))
+    return scene or (None if skill is None else DeclaredScene.of_skill(skill))

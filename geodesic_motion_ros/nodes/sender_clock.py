@@ -25,7 +25,7 @@ class SenderClock:
         self._begun = self._newest = -float("inf")
 
     def age(self, stamp: float, arrival: Moment) -> float:
-        """How old a message with a stamp [s] was at its arrival [s]; 0 without a stamp."""
+        """Return how old a message with a stamp [s] was at its arrival [s]; 0 without a stamp."""
         if stamp == 0.0:
             return 0.0
         self._newest = arrival.running
@@ -37,7 +37,8 @@ class SenderClock:
         return transit if transit >= 0.0 else transit - min(self._least)
 
     def remark(self, now: float) -> str:
-        """The difference of the clocks, where there seems to be one; "" where there is none, or no message comes.
+        """Return the difference of the clocks, where there seems to be one; "" where there is none, or no message
+        comes.
 
         now : [s, running].
         """

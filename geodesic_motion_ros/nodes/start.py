@@ -1,4 +1,4 @@
-"""Where the programs `planner`, `twin` and `record` begin, and how others of their kind do: light, so that --help
+"""The start of the programs `planner`, `twin` and `record`, and how others of their kind do: light, so that --help
 answers at once, and that Ctrl-C ends them cleanly from the first moment.
 
 Their libraries take seconds to load, and after an installation half a minute to compile. An interrupt meanwhile would

@@ -14,7 +14,8 @@ _SPAN = 1.0
 
 
 class Schedule:
-    """Decides when the next tick of a loop with a fixed period is due, and counts the periods that were missed.
+    """A schedule that decides when the next tick of a loop with a fixed period is due, and counts the periods that were
+    missed.
 
     Missed periods are skipped, never made up in a burst.
     """
@@ -26,7 +27,9 @@ class Schedule:
 
     @property
     def earliest(self) -> float:
-        """When the period of the next tick begins, at whose end it is due: in a hurry it may begin any time in it."""
+        """The time at which the period of the next tick begins, at whose end it is due: in a hurry it may begin any
+        time in it.
+        """
         return self.due - self.period
 
     def finish(self, now: float) -> int:
@@ -46,8 +49,9 @@ class Schedule:
 
 @dataclass(frozen=True)
 class LoopStatistics:
-    """How the loop is doing: rate [Hz] in the last second, pauses included, tick durations [s] of that second, counts
-    since the start."""
+    """The state of the loop: rate [Hz] in the last second, pauses included, tick durations [s] of that second, counts
+    since the start.
+    """
 
     rate: float
     tick_p50: float
@@ -96,7 +100,7 @@ def _rate(starts: np.ndarray, now: float) -> float:
 
 
 class SteadyLoop:
-    """Calls `tick(periods)` at a fixed rate in its own thread until stopped.
+    """A loop that calls `tick(periods)` at a fixed rate in its own thread until stopped.
 
     Parameters
     ----------
@@ -124,6 +128,7 @@ class SteadyLoop:
         self._thread = threading.Thread(target=self._run, name=name, daemon=True)
 
     def start(self) -> None:
+        """Begin to tick."""
         self._thread.start()
 
     def hurry(self) -> None:
@@ -150,7 +155,7 @@ class SteadyLoop:
 
     @property
     def last_duration(self) -> float:
-        """How long the last finished tick took [s]; nan before the first."""
+        """The duration of the last finished tick [s]; nan before the first."""
         return self._recorder.last_duration
 
     @property
@@ -161,6 +166,7 @@ class SteadyLoop:
         return self._last_work
 
     def statistics(self) -> LoopStatistics:
+        """Return how the loop has done lately."""
         return self._recorder.statistics(self._misses, time.monotonic() - self._period)
 
     def _run(self) -> None:

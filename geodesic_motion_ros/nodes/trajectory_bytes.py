@@ -26,7 +26,7 @@ def joint_trajectory_bytes(
     accelerations: np.ndarray,
     stamp: int,
 ) -> bytes:
-    """A serialised JointTrajectory, which a publisher takes in the place of the message.
+    """Return a serialised JointTrajectory, which a publisher takes in the place of the message.
 
     Parameters
     ----------

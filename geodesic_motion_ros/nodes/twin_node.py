@@ -44,7 +44,7 @@ from geodesic_motion_ros.nodes.node_time import NodeTime
 from geodesic_motion_ros.nodes.parameter_tables import TWIN
 from geodesic_motion_ros.nodes.parameters import NodeParameters
 from geodesic_motion_ros.nodes.publishers import LATCHED, publishers_of
-from geodesic_motion_ros.nodes.refusals import Refusals
+from geodesic_motion_ros.nodes.refusals import RefusalLog
 from geodesic_motion_ros.nodes.running import STEADY, LoopingNode, run_node
 from geodesic_motion_ros.nodes.steady_loop import SteadyLoop
 from geodesic_motion_ros.nodes.twin_parameters import (
@@ -124,7 +124,7 @@ class TwinNode(LoopingNode):
         self._steps = self._contacts = 0
         self._touched: set[str] = set()
         self._least_clearance = np.inf
-        self.refusals = Refusals(self.get_logger().warning)
+        self.refusals = RefusalLog(self.get_logger().warning)
         self._mailbox: queue.SimpleQueue[tuple[Callable[[], str], Future[str]]] = queue.SimpleQueue()
         self._command: _Command | None = None
         # The newest target posture, and its stamp [s].
@@ -368,14 +368,14 @@ class TwinNode(LoopingNode):
                 self.get_logger().warning(warning, throttle_duration_sec=5.0)
 
     def _on_reset(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-        return self.refusals.answered("~/reset", response, partial(self._in_physics_thread, self._reset))
+        return self.refusals.answer("~/reset", response, partial(self._in_physics_thread, self._reset))
 
     def _on_spawn(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-        return self.refusals.answered("~/spawn_obstacles", response, partial(self._in_physics_thread, self._spawn))
+        return self.refusals.answer("~/spawn_obstacles", response, partial(self._in_physics_thread, self._spawn))
 
     def _on_free_drive(self, request: SetBool.Request, response: SetBool.Response) -> SetBool.Response:
         work = self._begin_free_drive if request.data else self._end_free_drive
-        return self.refusals.answered("~/free_drive", response, partial(self._in_physics_thread, work))
+        return self.refusals.answer("~/free_drive", response, partial(self._in_physics_thread, work))
 
     def _in_physics_thread(self, work: Callable[[], str]) -> str:
         done: Future[str] = Future()

@@ -1,4 +1,4 @@
-"""What the twin's parameters stand for: where the arm begins, what stands around it, spheres by script."""
+"""The meaning of the twin's parameters: where the arm begins, what stands around it, spheres by script."""
 
 from __future__ import annotations
 
@@ -26,14 +26,14 @@ _RATES = ("state_rate", "obstacle_rate", "image_rate")
 
 
 def robot_of(values: Mapping[str, Value]) -> str:
-    """Which robot the twin is: the one that is named, else the skill's; name or folder."""
+    """Return which robot the twin is: the one that is named, else the skill's; name or folder."""
     if values["robot"]:
         return values["robot"]
     return Skill.load(values["skill"]).robot if values["skill"] else DEFAULT_ROBOT
 
 
 def base_frame(values: Mapping[str, Value]) -> str:
-    """The frame of all poses: the one that is given, else the robot's base link, with `joint_prefix`."""
+    """Return the frame of all poses: the one that is given, else the robot's base link, with `joint_prefix`."""
     given = values["base_frame"]
     if given != _DEFAULTS["base_frame"]:
         return given
@@ -41,7 +41,8 @@ def base_frame(values: Mapping[str, Value]) -> str:
 
 
 def initial_joints(values: Mapping[str, Value], robot: Robot) -> np.ndarray:
-    """Joint positions (eta,) [rad] that a robot starts from: those given, or where the skill begins, or else at ready.
+    """Return joint positions (eta,) [rad] that a robot starts from: those given, or where the skill begins, or else at
+    ready.
 
     Raises
     ------
@@ -64,7 +65,7 @@ def initial_joints(values: Mapping[str, Value], robot: Robot) -> np.ndarray:
 
 @cache
 def start_joints(name: str) -> np.ndarray:
-    """Joint positions (eta,) [rad] of its robot at the start of a skill, a folder or a shipped name.
+    """Return joint positions (eta,) [rad] of its robot at the start of a skill, a folder or a shipped name.
 
     Raises
     ------
@@ -81,7 +82,7 @@ def start_joints(name: str) -> np.ndarray:
 
 
 def steps_per_message(values: Mapping[str, Value]) -> dict[str, int]:
-    """Physics steps from one message to the next, by the parameter of its rate; 0 for never.
+    """Return physics steps from one message to the next, by the parameter of its rate; 0 for never.
 
     Rounded down, so that the rates are reached.
     """
@@ -90,7 +91,8 @@ def steps_per_message(values: Mapping[str, Value]) -> dict[str, int]:
 
 
 def scene_around(text: str, skill: str) -> DeclaredScene:
-    """What stands around the arm, by the parameters `scene` and `skill`; where nothing is declared nothing does."""
+    """Return what stands around the arm, by the parameters `scene` and `skill`; where nothing is declared nothing does.
+    """
     if text in NAMED or _is_mapping(text):
         raise ParameterError(
             f"parameter scene = {brief(text)}: spheres by script are the parameter `spheres` now; scene is what always "
@@ -107,7 +109,7 @@ def _is_mapping(text: str) -> bool:
 
 
 def scripted_spheres(text: str) -> ScriptedSpheres:
-    """Spheres by name, or from a YAML mapping; an empty text is none."""
+    """Return spheres by name, or from a YAML mapping; an empty text is none."""
     try:
         described = yaml.safe_load(text)
     except (yaml.YAMLError, ValueError) as error:  # ValueError: a date that is none

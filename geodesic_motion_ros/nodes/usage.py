@@ -1,4 +1,4 @@
-"""What a node says to --help, and to arguments that it does not know."""
+"""The answers of a node to --help, and to arguments that it does not know."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ PROGRAMS = {
 
 
 def answer(program: Program, arguments: Sequence[str] | None) -> int | None:
-    """The exit code where a command line (without the program) asks for help or cannot be; it is answered then.
+    """Return the exit code where a command line (without the program) asks for help or cannot be; it is answered then.
 
     arguments : None for those of this process.
     """
@@ -105,7 +105,7 @@ def _refuse_bare(words: Sequence[str]) -> None:
 
 
 def usage(program: Program) -> str:
-    """How to start a node, and all of its parameters."""
+    """Return how to start a node, and all of its parameters."""
     name = program.name
     lines = [
         f"usage: {name} [--ros-args [-p NAME:=VALUE] [--params-file FILE] [-r FROM:=TO] [-r __ns:=NAMESPACE]]",

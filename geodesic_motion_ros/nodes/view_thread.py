@@ -14,8 +14,8 @@ _GLANCE = 0.2
 
 
 class ViewThread:
-    """While `watched` says so, calls `draw` every `period` seconds, and at once when it begins to: the picture that is
-    latched may be of long ago. An exception goes to `failed`, once, and ends it.
+    """A thread that, while `watched` says so, calls `draw` every `period` seconds, and at once when it begins to: the
+    picture that is latched may be of long ago. An exception goes to `failed`, once, and ends it.
     """
 
     def __init__(
@@ -31,9 +31,11 @@ class ViewThread:
         self._thread = threading.Thread(target=self._run, name=name, daemon=True)
 
     def start(self) -> None:
+        """Begin to draw."""
         self._thread.start()
 
     def stop(self, timeout: float = 1.0) -> None:
+        """End the thread; harmless when it has ended or never began."""
         self._stopping.set()
         if self._thread.is_alive():
             self._thread.join(timeout)

@@ -113,7 +113,7 @@ class PaperCycle:
     def _preparing(self, inputs: CycleInputs) -> Callable[[], PaperGoal | Refusal]:
         goal = inputs.goal
         pose = self.planner.robot.forward(goal) if isinstance(goal, np.ndarray) else goal
-        return partial(self.planner.prepared_goal, *pose, *self._offsets)
+        return partial(self.planner.prepare_goal, *pose, *self._offsets)
 
     def _take_prepared(self, prepared: PaperGoal | Refusal) -> Verdict:
         if isinstance(prepared, Refusal):

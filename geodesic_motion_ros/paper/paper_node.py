@@ -13,7 +13,7 @@ from geodesic_motion_ros.geometry.task_frame import TaskFrame
 from geodesic_motion_ros.nodes.cycle import CycleInputs, CycleOutput, Pose
 from geodesic_motion_ros.nodes.parameters import NodeParameters, Value
 from geodesic_motion_ros.nodes.planner_face import PlannerFace
-from geodesic_motion_ros.nodes.planner_parameters import loaded_skill, refuse_no_rotation, tool_tolerance
+from geodesic_motion_ros.nodes.planner_parameters import load_skill, refuse_no_rotation, tool_tolerance
 from geodesic_motion_ros.nodes.running import LoopingNode, run_node
 from geodesic_motion_ros.paper.paper_cycle import PaperCycle
 from geodesic_motion_ros.paper.paper_parameters import PAPER, PROGRAM
@@ -40,7 +40,7 @@ class PaperNode(LoopingNode):
 
     def _build(self) -> None:
         options = NodeParameters(self, PAPER, _check_settings, self._parameters_changed)
-        skill, values = loaded_skill(self, options), options.values
+        skill, values = load_skill(self, options), options.values
         self._of_joints = skill.space == "joint"
         self.planner = PaperPlanner(skill, _planner_settings(values))
         self._goals = ThreadPoolExecutor(1, thread_name_prefix="goals")
@@ -77,9 +77,9 @@ class PaperNode(LoopingNode):
     def _tick(self, periods: int) -> None:
         inputs, output = self.face.cycle(self.cycle.run, self.cycle.stop)
         if output.trajectory is not None:
-            self.outputs.trajectory(*output.trajectory)
+            self.outputs.publish_trajectory(*output.trajectory)
         if output.commanded is not None:
-            self.outputs.target(*output.commanded)
+            self.outputs.publish_target(*output.commanded)
         self.face.tell(inputs, output, self.cycle.goal_number, {}, self.planner.held)
 
     def _plan(self, start: Pose, goal: Pose) -> tuple[Pose | None, Verdict]:
@@ -88,7 +88,7 @@ class PaperNode(LoopingNode):
     def _draw_markers(self, inputs: CycleInputs, output: CycleOutput, path: np.ndarray) -> None:
         # The paper's metric sees points: no spheres are kept away from obstacles.
         none = DeclaredScene.empty(), np.zeros((0, 4)), (), TaskFrame.identity()
-        self.outputs.markers(path, False, inputs.obstacles, *none)
+        self.outputs.publish_markers(path, False, inputs.obstacles, *none)
 
     def _latent_view(self, size: int) -> LatentPicture | None:
         skill = self.planner.skill

@@ -102,7 +102,7 @@ class PaperPlanner:
         self.path: TimedPath | None = None
         self.lead = 0.0
 
-    def prepared_goal(
+    def prepare_goal(
         self, position: np.ndarray, quaternion: np.ndarray, most: float = math.inf, most_angle: float = math.inf
     ) -> PaperGoal | Refusal:
         """The goal at the node whose tool pose is nearest to (3,) [m], (4,); a refusal where that is farther than

@@ -27,7 +27,7 @@ def approach_to_covered(
     remaining: float = math.inf,
     deadline: Deadline = NEVER,
 ) -> ApproachPlan | None:
-    """The certified motion along the path to a covered goal, as near to it as is free; None where that does not
+    """Return the certified motion along the path to a covered goal, as near to it as is free; None where that does not
     shorten the rest of the path by `APPROACH_GAIN`.
 
     The path is the one that the arm will follow when the goal clears: the obstacles that cover the goal are not
@@ -48,13 +48,13 @@ def approach_to_covered(
     if path is None:
         return None
     placed = solver.collision.positions(solver.robot, path.configurations)
-    free = solver.certifier.between(placed, swept) >= requirement.searched.of(here)
+    free = solver.certifier.clearances_between(placed, swept) >= requirement.searched.of(here)
     end, left = int(np.argmin(np.append(free, False))), _lengths_left(placed)
     for _ in range(1 + constants.APPROACH_CUTS):
         if end < 1 or left[end] > min(remaining, left[0]) - constants.APPROACH_GAIN:
             return None
         part = JointCurve(path.configurations[: end + 1], path.latent[: end + 1], path.correction)
-        timed = solver.timer.timed_curve(state, part)
+        timed = solver.timer.time_curve(state, part)
         if isinstance(timed, Refusal):
             return None
         certificate, objection = solver.certifier.assess(timed.swept, obstacles, requirement, here)
@@ -62,7 +62,7 @@ def approach_to_covered(
             to_goal = solver.tool_distance(path.configurations[end], query.goal)
             verdict = refusal.with_remark(f"it goes as near as it can, to {1000 * to_goal:.0f} mm")
             verdict = verdict.with_figures(clearance=float(np.min(certificate.clearance)))
-            plan = Plan(solver.certifier.judged(timed.reference, certificate), state.time, verdict)
+            plan = Plan(solver.certifier.judge(timed.reference, certificate), state.time, verdict)
             return ApproachPlan(plan, float(left[end]))
         met = solver.certifier.first_objection(certificate, requirement.margin(obstacles, here))
         assert met is not None
@@ -87,7 +87,7 @@ def _path_to_covered(
     path = search.path(multiple)
     if isinstance(path, Refusal):
         return None
-    path = search.refined(path, multiple)
+    path = search.refine(path, multiple)
     curve = solver.timer.joint_curve(query, state.position, path, True)
     if isinstance(curve, Refusal):
         return None

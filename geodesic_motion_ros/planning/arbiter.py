@@ -1,5 +1,5 @@
-"""Arbiter: decides what an arm does in one tick, by its situation, its mission and the outcomes of earlier attempts. It
-changes nothing.
+"""Arbiter, which decides what an arm does in one tick, by its situation, its mission and the outcomes of earlier
+attempts. It changes nothing.
 
 An arm that has a path keeps it, as long as that meets what is required to go on, or takes a better one. Without a path
 the proposers are asked by their ranks, `PROPOSERS`, until one of them decides, that is begins a motion: the stages of
@@ -16,14 +16,14 @@ from geodesic_motion_ros.planning.guarded_arm import GuardedArm
 from geodesic_motion_ros.planning.memory import AttemptMemory
 from geodesic_motion_ros.planning.mission import Mission
 from geodesic_motion_ros.planning.mode import Purpose
-from geodesic_motion_ros.planning.played import Followed, Step
+from geodesic_motion_ros.planning.played import FollowedPlan, Step
 from geodesic_motion_ros.planning.proposers.approach import Approach, KeptApproach
 from geodesic_motion_ros.planning.proposers.evasion import Evasion, KeptEvasion
 from geodesic_motion_ros.planning.proposers.found_detour import FoundDetour, WantedDetour
 from geodesic_motion_ros.planning.proposers.graph import GraphPath
 from geodesic_motion_ros.planning.proposers.turn import Proposer, Turn
 from geodesic_motion_ros.planning.query import ArmQuery
-from geodesic_motion_ros.planning.retry import Asked, Question
+from geodesic_motion_ros.planning.retry import PastSearch, Question
 from geodesic_motion_ros.planning.situation import Situation
 from geodesic_motion_ros.planning.status import Refusal, VerdictCode
 
@@ -52,7 +52,7 @@ class Decision:
 
 @dataclass(frozen=True, eq=False)
 class Arbiter:
-    """Decides what an arm does in one tick: `Arbiter(...).decide()`, without changing anything."""
+    """A decision on what an arm does in one tick: `Arbiter(...).decide()`, without changing anything."""
 
     arm: GuardedArm
     situation: Situation
@@ -64,26 +64,26 @@ class Arbiter:
         """Decide what the arm does."""
         situation, memory, query = self.situation, self.memory, self.mission.query
         if self.mission.active is None:
-            stop = situation.stopped(Refusal(VerdictCode.NO_GOAL, "no goal has been given"))
+            stop = situation.begin_stop(Refusal(VerdictCode.NO_GOAL, "no goal has been given"))
             return Decision(stop, None, replace(memory, blocked_since=math.inf))
         if situation.exceeds_limits and (slowed := self._slowed(situation)) is not None:
             return Decision(slowed, query, memory)
-        following = situation.following(query)
+        following = situation.followed_to(query)
         if following is not None and self._needs_no_check(following):
             # Nothing has changed since the path was certified.
-            return Decision(situation.answered(following.verdict), query, memory)
+            return Decision(situation.go_on(following.verdict), query, memory)
         goal = self.mission.active.goal
         if query is None:
             found = self.arm.query_from(situation.state, situation.followed, goal)
             if isinstance(found, Refusal):
-                return Decision(situation.stopped(found), None, memory)
+                return Decision(situation.begin_stop(found), None, memory)
             query = found
         followed = situation.free_path(query)
         if followed is not None and not followed.is_due(situation.obstacles, situation.now):
             # The rest of the path is free, and so is a stop a moment later.
-            return Decision(situation.answered(followed.verdict, followed), query, memory)
+            return Decision(situation.go_on(followed.verdict, followed), query, memory)
         # The workings change as the searches of this tick go on.
-        memory = replace(memory, workings=memory.workings.copied())
+        memory = replace(memory, workings=memory.workings.copy())
         turn = Turn(self.arm, situation, goal, memory.origin(query), query, memory)
         return self._without_path(turn) if followed is None else self._improved(turn, followed)
 
@@ -98,9 +98,9 @@ class Arbiter:
         if followed.slowed is situation.limits:
             return None
         reason = "the arm is to be slower, and slowed down on its path it would meet what moves"
-        return situation.slowed() or situation.stopped(Refusal(VerdictCode.NO_FEASIBLE_PATH, reason))
+        return situation.slow_down() or situation.begin_stop(Refusal(VerdictCode.NO_FEASIBLE_PATH, reason))
 
-    def _needs_no_check(self, followed: Followed) -> bool:
+    def _needs_no_check(self, followed: FollowedPlan) -> bool:
         """Whether the path that is followed needs neither a new certificate nor a new search: the settings are those of
         its search, the obstacles stand, and are those among which it was certified.
         """
@@ -108,20 +108,20 @@ class Arbiter:
             return False
         return not self.situation.settings.avoidance or followed.is_settled_among(self.situation.obstacles)
 
-    def _improved(self, turn: Turn, followed: Followed) -> Decision:
+    def _improved(self, turn: Turn, followed: FollowedPlan) -> Decision:
         """Another path, where the search finds one that is a gain; else the present one."""
         situation, attempts, query = self.situation, self.arm.solver.attempts[:1], turn.query
-        plan = turn.solved(query, attempts, followed.known, situation.longest_worthwhile(followed))
-        if not situation.handover_deadline.passed and situation.gains(plan, followed):
-            taken = turn.taken(query, plan, turn.memory.after(plan, query, None, attempts, situation))
+        plan = turn.solve(query, attempts, followed.known_paths, situation.longest_worthwhile(followed))
+        if not situation.handover_deadline.passed and situation.is_gain(plan, followed):
+            taken = turn.take_path(query, plan, turn.memory.after(plan, query, None, attempts, situation))
             return self._decision(taken)
         # A motion that is outdated is replaced, as soon as the arm is slow enough for another one to join it.
         settled = plan.verdict.code is not VerdictCode.DEADLINE_MISSED and not followed.outdated
-        asked = Asked(Question(query, situation.obstacles), situation.now, settled)
-        updated = replace(followed, asked=asked)
+        search = PastSearch(Question(query, situation.obstacles), situation.now, settled)
+        updated = replace(followed, last_search=search)
         if plan.trajectory is not None or not plan.verdict.ok:
             updated = replace(updated, rejected=plan.path)
-        return Decision(situation.answered(updated.verdict, updated), query, turn.memory)
+        return Decision(situation.go_on(updated.verdict, updated), query, turn.memory)
 
     def _without_path(self, turn: Turn) -> Decision:
         """Ask the proposers, until one of them decides; else keep what one of them keeps, or stop."""
@@ -133,10 +133,10 @@ class Arbiter:
 
     def _decision(self, turn: Turn) -> Decision:
         """The decision of the last turn; its verdict says why there is no detour, too, where one was searched."""
-        step = turn.step or self.situation.stopped(turn.verdict)
+        step = turn.step or self.situation.begin_stop(turn.verdict)
         search, plan = turn.memory.detour, step.plan
         if search is not None and plan.verdict.code is VerdictCode.NO_FEASIBLE_PATH:
-            refusal = search.refusal_of(turn.detour_request, self.situation.now)
+            refusal = search.refusal_for(turn.detour_request, self.situation.now)
             if refusal is not None:
                 step = replace(step, plan=without_detour(plan, self.situation.reach, refusal))
         return Decision(step, turn.query, turn.memory, turn.detour)

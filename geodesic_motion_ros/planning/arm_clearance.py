@@ -1,4 +1,4 @@
-"""How near an arm in one configuration comes to obstacles: a robot knows nothing of its scene, so this stands here."""
+"""Clearance of an arm in one configuration from obstacles: a robot knows nothing of its scene, so this stands here."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from geodesic_motion_ros.robot.kinematics import Robot
 def configuration_clearance(
     model: CollisionModel, robot: Robot, configuration: np.ndarray, centres: np.ndarray, radii: np.ndarray
 ) -> tuple[float, int]:
-    """Signed distance [m] of the moving spheres from obstacles, and the sphere that is nearest to one.
+    """Return the signed distance [m] of the moving spheres from obstacles, and the sphere that is nearest to one.
 
     Parameters
     ----------
@@ -53,7 +53,7 @@ def nearest_obstacle(model: CollisionModel, robot: Robot, configuration: np.ndar
 def obstacle_clearance(
     model: CollisionModel, robot: Robot, configuration: np.ndarray, obstacles: Obstacles
 ) -> tuple[float, int]:
-    """`configuration_clearance` from obstacles of every kind."""
+    """Return `configuration_clearance` from obstacles of every kind."""
     placed = model.positions(robot, configuration[None])[0, model.moving]
     distances = np.full(len(placed), np.inf)
     if len(obstacles.radii):

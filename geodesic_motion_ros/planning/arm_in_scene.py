@@ -52,7 +52,7 @@ class ArmInScene(NamedTuple):
     def of(
         cls, robot: Robot, collision: CollisionModel, obstacles: Obstacles, seen: SeenVolume | None = None
     ) -> ArmInScene:
-        """The arm of a robot; obstacles are taken to stand where they are. seen : None: everything is."""
+        """Return the arm of a robot; obstacles are taken to stand where they are. seen : None: everything is."""
         terms, translations, slides, mounts, mount_origins, carriers = joint_terms(robot.chain)
         body = collision.points
         joints, points = mounted(body.frames, body.offsets, mounts, mount_origins, carriers)
@@ -66,7 +66,7 @@ class ArmInScene(NamedTuple):
 
 @numba.njit(cache=True, nogil=True)
 def distance_from_obstacles(x: float, y: float, z: float, arm: ArmInScene) -> float:
-    """Distance [m] of a point from the nearest obstacle, negative inside; inf without any."""
+    """Return the distance [m] of a point from the nearest obstacle, negative inside; inf without any."""
     centres, radii, solids, squares, placing = arm.centres, arm.obstacle_radii, arm.solids, arm.squares, arm.placing
     nearest = math.inf
     for o in range(len(radii)):
@@ -81,7 +81,7 @@ def distance_from_obstacles(x: float, y: float, z: float, arm: ArmInScene) -> fl
 
 @numba.njit(cache=True, nogil=True)
 def place_spheres(q: np.ndarray, arm: ArmInScene) -> np.ndarray:
-    """Centres (S, 3) [m] of the arm's spheres in a configuration (eta,)."""
+    """Return centres (S, 3) [m] of the arm's spheres in a configuration (eta,)."""
     joints, points = arm.joints, arm.points
     rotations, origins = np.zeros((len(q) + 1, 3, 3)), np.zeros((len(q) + 1, 3))
     for a in range(3):
@@ -100,8 +100,8 @@ def place_spheres(q: np.ndarray, arm: ArmInScene) -> np.ndarray:
 
 @numba.njit(cache=True, nogil=True)
 def clearance_at(q: np.ndarray, arm: ArmInScene, within: float) -> float:
-    """Clearance [m] of the arm in a configuration (eta,), no more than `within`; -inf where a joint is outside its
-    limits, the arm touches itself, or not all of it is in what is seen.
+    """Return the clearance [m] of the arm in a configuration (eta,), no more than `within`; -inf where a joint is
+    outside its limits, the arm touches itself, or not all of it is in what is seen.
     """
     lower, upper, radii, pairs = arm.lower, arm.upper, arm.radii, arm.pairs
     for j in range(len(q)):

@@ -33,7 +33,8 @@ from geodesic_motion_ros.trajectory.trajectory import PERIOD, JointReference, jo
 
 @dataclass(frozen=True)
 class SweptSpheres:
-    """Where a reference takes the arm's S collision spheres: their centres at its n knots, and a bound between knots.
+    """The places to which a reference takes the arm's S collision spheres: their centres at its n knots, and a bound
+    between knots.
 
     Attributes
     ----------
@@ -62,7 +63,7 @@ class SweptArm(SweptSpheres):
     scene_clearance: np.ndarray
 
     def since(self, time: float) -> SweptArm:
-        """The rest of the motion from a time [s] on, with times counted from there.
+        """Return the rest of the motion from a time [s] on, with times counted from there.
 
         It begins at the knot at or before that, at a time that is not positive. Beyond the end of the motion it is an
         arm that stands for a period.
@@ -80,8 +81,8 @@ class SweptArm(SweptSpheres):
             self.pair[first:], self.scene_clearance[first:],
         )  # fmt: skip
 
-    def lasting(self, time: float) -> SweptArm:
-        """The motion with the arm standing where it comes to rest, until a time [s] at least."""
+    def stand_until(self, time: float) -> SweptArm:
+        """Return the motion with the arm standing where it comes to rest, until a time [s] at least."""
         if time <= self.times[-1]:
             return self
         return SweptArm(
@@ -93,7 +94,8 @@ class SweptArm(SweptSpheres):
 
 @dataclass(frozen=True)
 class Certificate:
-    """How far the arm stays from obstacles, from itself and from the declared scene between the n knots of a reference.
+    """The clearances of the arm from obstacles, from itself and from the declared scene between the n knots of a
+    reference.
 
     A certificate states clearances and judges nothing: `ArmCertifier.objection` says whether they are enough.
 
@@ -122,7 +124,7 @@ class JudgedTrajectory:
 
     Judged does not mean certified: a trajectory is certified where `ArmCertifier.objection` objects to nothing. Every
     trajectory but a stop is certified before it is played. A stop is played even where its certificate states that it
-    meets an obstacle: any other motion would come nearer. `ArmCertifier.judged` and `continued_by`
+    meets an obstacle: any other motion would come nearer. `ArmCertifier.judge` and `continue_by`
     alone make one.
 
     Attributes
@@ -146,8 +148,8 @@ class JudgedTrajectory:
         positions, quaternions = end_effector_poses(contiguous(self.reference.positions), self.robot.chain)
         return positions, continuous_signs(quaternions)
 
-    def continued_by(self, other: JudgedTrajectory, since: float, until: float) -> JudgedTrajectory:
-        """This trajectory from the knot at `since` [s] until `until` [s], and another one from there on
+    def continue_by(self, other: JudgedTrajectory, since: float, until: float) -> JudgedTrajectory:
+        """Return this trajectory from the knot at `since` [s] until `until` [s], and another one from there on
         (`trajectory.trajectory.joined`).
         """
         # Beyond its end the arm stands, with the clearance that it has there.
@@ -161,7 +163,7 @@ class JudgedTrajectory:
 
 
 class ArmCertifier:
-    """Certifies references of one arm, whose body is covered by S collision spheres.
+    """A certifier of references of one arm, whose body is covered by S collision spheres.
 
     Spheres that no joint moves are checked against the rest of the arm and not against obstacles, which no motion of
     the arm keeps away from them.
@@ -180,17 +182,19 @@ class ArmCertifier:
     def certify(
         self, reference: JointReference, obstacles: Obstacles, horizon: float, stand_after_horizon: bool = True
     ) -> Certificate:
-        """The certificate of a reference among obstacles, which move linearly for `horizon` [s].
+        """Return the certificate of a reference among obstacles, which move linearly for `horizon` [s].
 
         stand_after_horizon : True: a moving obstacle stands after the horizon where it has come to, and the rest of the
             motion is certified among these, too. False: after the horizon a moving obstacle is not counted any more:
             a later part of the motion is certified among standing obstacles alone; and a motion that ends before the
             horizon is certified until then, with the arm at rest.
         """
-        return self.certify_swept(self.swept(reference), obstacles, horizon, stand_after_horizon)
+        return self.certify_swept(self.sweep(reference), obstacles, horizon, stand_after_horizon)
 
-    def judged(self, reference: JointReference, certificate: Certificate) -> JudgedTrajectory:
-        """A reference with its certificate, which may cover more time than that, with the arm standing at its end."""
+    def judge(self, reference: JointReference, certificate: Certificate) -> JudgedTrajectory:
+        """Return a reference with its certificate, which may cover more time than that, with the arm standing at its
+        end.
+        """
         last = len(reference.times) - 2
         clearance, self_clearance = (
             np.append(values[:last], np.min(values[last:]))
@@ -198,9 +202,9 @@ class ArmCertifier:
         )
         return JudgedTrajectory(reference, clearance, self_clearance, self._robot)
 
-    def swept(self, reference: JointReference) -> SweptArm:
-        """Where a reference takes the arm, with its clearances from itself and from the declared scene."""
-        spheres = self.swept_spheres(reference)
+    def sweep(self, reference: JointReference) -> SweptArm:
+        """Return where a reference takes the arm, with its clearances from itself and from the declared scene."""
+        spheres = self.sweep_spheres(reference)
         placed, bulges = spheres.placed, spheres.bulges
         scene, _ = clearances_in_motion(spheres.times, placed, bulges, self._radii, self._moving, self._standing, 0.0)
         itself, pair = self_clearances(placed, bulges, self._radii, self._pairs)
@@ -209,8 +213,8 @@ class ArmCertifier:
             itself = np.full_like(itself, np.nan)
         return SweptArm(spheres.times, placed, bulges, itself, pair, scene)
 
-    def swept_spheres(self, reference: JointReference) -> SweptSpheres:
-        """Where a reference takes the arm's spheres."""
+    def sweep_spheres(self, reference: JointReference) -> SweptSpheres:
+        """Return where a reference takes the arm's spheres."""
         times = reference.times
         _, largest = quintic_bounds(times, reference.positions, reference.velocities, reference.accelerations)
         bulges = sphere_bulges(times, largest[0], largest[1], self._levers)
@@ -218,21 +222,23 @@ class ArmCertifier:
         return SweptSpheres(times, placed, bulges)
 
     def room(self, swept: SweptSpheres, standing: Obstacles) -> float:
-        """Least clearance [m] of a motion from obstacles that stand."""
+        """Return the least clearance [m] of a motion from obstacles that stand."""
         clearance, _ = clearances_in_motion(
             swept.times, swept.placed, swept.bulges, self._radii, self._moving, standing, 0.0
         )
         return float(np.min(clearance))
 
-    def between(self, placed: np.ndarray, standing: Obstacles) -> np.ndarray:
-        """Clearance (m - 1,) [m] from obstacles that stand, of spheres that move straight between samples (m, S, 3)."""
+    def clearances_between(self, placed: np.ndarray, standing: Obstacles) -> np.ndarray:
+        """Return the clearances (m - 1,) [m] from obstacles that stand, of spheres that move straight between samples
+        (m, S, 3).
+        """
         times, straight = np.arange(float(len(placed))), np.zeros((len(placed) - 1, placed.shape[1]))
         return clearances_in_motion(times, placed, straight, self._radii, self._moving, standing, 0.0)[0]
 
     def certify_swept(
         self, swept: SweptArm, obstacles: Obstacles, horizon: float, stand_after_horizon: bool = True
     ) -> Certificate:
-        """`certify` for where a reference takes the arm; obstacles are where they are at its time 0."""
+        """Certify, as `certify` does, where a reference takes the arm; obstacles are where they are at its time 0."""
         stand = stand_after_horizon or obstacles.is_static
         clearances = clearances_in_motion if stand else clearances_until
         clearance, sphere = clearances(
@@ -246,7 +252,8 @@ class ArmCertifier:
     def assess(
         self, swept: SweptArm, obstacles: Obstacles, requirement: Requirement, present: float = math.inf
     ) -> tuple[Certificate, str]:
-        """The certificate of where a reference takes the arm, and why it does not meet a requirement (`objection`).
+        """Return the certificate of where a reference takes the arm, and why it does not meet a requirement
+        (`objection`).
 
         present : the clearance that there is already [m].
         """
@@ -283,7 +290,7 @@ class ArmCertifier:
             return f"{certificate.entered} of the scene after {max(0.0, begin):.2f} s"
         return ""
 
-    def unseen(self, swept: SweptSpheres, seen: SeenVolume) -> str:
+    def seen_objection(self, swept: SweptSpheres, seen: SeenVolume) -> str:
         """Return which link leaves what is seen, and when; "" where none ever does."""
         if seen.everything:
             return ""
@@ -293,7 +300,7 @@ class ArmCertifier:
         return f"'{self._link(sphere)}' enters what is not seen after {swept.times[interval]:.2f} s"
 
     def first_objection(self, certificate: Certificate, margin: float = 0.0) -> float | None:
-        """When [s] the first violation begins to which `objection` objects; None where it objects to none."""
+        """Return when [s] the first violation begins to which `objection` objects; None where it objects to none."""
         good = (certificate.clearance >= margin) & (certificate.self_clearance >= 0.0)
         good &= certificate.scene_clearance >= 0.0
         return None if np.all(good) else max(0.0, float(certificate.times[int(np.argmin(good))]))
@@ -306,7 +313,7 @@ class ArmCertifier:
 def sphere_bulges(
     times: np.ndarray, velocities: np.ndarray, accelerations: np.ndarray, levers: np.ndarray
 ) -> np.ndarray:
-    """How far sphere centres may leave the segments between knots, (n - 1, S) [m].
+    """Return how far sphere centres may leave the segments between knots, (n - 1, S) [m].
 
     Parameters
     ----------

@@ -1,4 +1,5 @@
-"""What the certificate of a trajectory counts and what it does not, in words: this is the one place that states it."""
+"""The scope of a trajectory's certificate, what it counts and what not, in words: this is the one place that states it.
+"""
 
 from __future__ import annotations
 

@@ -83,13 +83,13 @@ class DeclaredScene:
 
     @classmethod
     def empty(cls) -> DeclaredScene:
-        """Nothing stands around the arm."""
+        """Return the scene in which nothing stands around the arm."""
         return cls((), no_solids(), (), no_solids(), {})
 
     @classmethod
-    def named(cls, name: str) -> DeclaredScene | None:
-        """The scene that a user names: a file, the name of a file in config/scenes, or `none` where nothing stands; an
-        empty text declares nothing, None.
+    def from_name(cls, name: str) -> DeclaredScene | None:
+        """Return the scene that a user names: a file, the name of a file in config/scenes, or `none` where nothing
+        stands; an empty text declares nothing, None.
 
         Raises
         ------
@@ -108,8 +108,8 @@ class DeclaredScene:
         return cls.load(path)
 
     @classmethod
-    def recorded(cls, skill: Skill) -> DeclaredScene | None:
-        """The scene in which a skill was demonstrated; None where the skill does not state it.
+    def of_skill(cls, skill: Skill) -> DeclaredScene | None:
+        """Return the scene in which a skill was demonstrated; None where the skill does not state it.
 
         Raises
         ------
@@ -142,7 +142,7 @@ class DeclaredScene:
 
     @classmethod
     def of(cls, table: Any) -> DeclaredScene:
-        """From a table as a file holds it; FileError as of `load`."""
+        """Return the scene of a table as a file holds it; FileError as of `load`."""
         known = (*_ENTRIES, "workspace")
         if not isinstance(table, dict):
             raise FileError(f"must be a table with {', '.join(known)}; an empty scene is {{}}")
@@ -180,8 +180,8 @@ class DeclaredScene:
         )
 
     def clearances(self, spheres: np.ndarray, radii: np.ndarray) -> np.ndarray:
-        """Smallest signed distance [m] of a body's spheres (n, S, 3), (S,) from any of the solids, (n,); inf where
-        there is none.
+        """Return the smallest signed distance [m] of a body's spheres (n, S, 3), (S,) from any of the solids, (n,); inf
+        where there is none.
         """
         if not self.names:
             return np.full(len(spheres), np.inf)
@@ -189,8 +189,8 @@ class DeclaredScene:
         return np.min(distances.reshape(spheres.shape[:2]) - radii, axis=1)
 
     def nearest(self, spheres: np.ndarray, radii: np.ndarray) -> tuple[float, str, int]:
-        """The smallest signed distance [m] of spheres (S, 3), (S,) from a solid, that one's name and the sphere's
-        number; inf, "" and -1 in an empty scene.
+        """Return the smallest signed distance [m] of spheres (S, 3), (S,) from a solid, that one's name and the
+        sphere's number; inf, "" and -1 in an empty scene.
         """
         if not self.names:
             return math.inf, "", -1
@@ -200,7 +200,8 @@ class DeclaredScene:
 
 
 def check_demonstrations(scene: DeclaredScene, skill: Skill, spheres: np.ndarray, radii: np.ndarray) -> None:
-    """SkillError where a skill's demonstrations, as it decodes them, enter a scene by more than `DEMONSTRATION_DEPTH`.
+    """Raise SkillError where a skill's demonstrations, as it decodes them, enter a scene by more than
+    `DEMONSTRATION_DEPTH`.
 
     spheres, radii : (n, S, 3), (S,) [m] along all demonstrations (`OutputSpace.demonstrated_spheres`). Nodes that enter
         it by less are left out of the search.

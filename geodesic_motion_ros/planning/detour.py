@@ -17,7 +17,7 @@ from geodesic_motion_ros.geometry.curves import arc_length_fractions
 from geodesic_motion_ros.obstacles.obstacles import Obstacles
 from geodesic_motion_ros.planning.arm_clearance import obstacle_clearance
 from geodesic_motion_ros.planning.arm_in_scene import ArmInScene
-from geodesic_motion_ros.planning.detour_band import Band, drawn_tight
+from geodesic_motion_ros.planning.detour_band import Band, draw_tight
 from geodesic_motion_ros.planning.detour_frame import DemonstratedSpread, DetourFrame, demonstrated_mode, deviations
 from geodesic_motion_ros.planning.detour_search import LatticePath, cheapest_detour
 from geodesic_motion_ros.planning.path_smoothing import resample_latent, smooth_latent
@@ -59,7 +59,7 @@ class DetourRequest:
 
     @property
     def question(self) -> Question:
-        """What the answer depends on."""
+        """All that the answer depends on."""
         return Question(self.goal, self.obstacles, self.position, self.reach)
 
 
@@ -88,10 +88,10 @@ class Detour:
     evaluated: int
 
     @classmethod
-    def along_band(
+    def from_band(
         cls, query: PathEnds, frame: DetourFrame, path: LatticePath, band: Band, smoothing: float = SMOOTHINGS[0]
     ) -> Detour:
-        """The detour along a band, which has drawn a path of the lattice tight; smoothing : width [points]."""
+        """Return the detour along a band, which has drawn a path of the lattice tight; smoothing : width [points]."""
         return cls(
             query, frame.configurations, smooth_latent(band.configurations, smoothing), band.latent,
             float(np.max(np.linalg.norm(band.displacements, axis=1))), float(np.max(np.abs(band.swivels))),
@@ -99,8 +99,8 @@ class Detour:
         )  # fmt: skip
 
     @classmethod
-    def along_lattice(cls, query: PathEnds, frame: DetourFrame, path: LatticePath, smoothing: float) -> Detour:
-        """The detour along a path of the lattice itself; smoothing : width [samples]."""
+    def from_lattice(cls, query: PathEnds, frame: DetourFrame, path: LatticePath, smoothing: float) -> Detour:
+        """Return the detour along a path of the lattice itself; smoothing : width [samples]."""
         curve = smooth_latent(resample_latent(path.configurations, _LATTICE_STEP), smoothing)
         lengths = arc_length_fractions(path.configurations)
         latent = interpolated(np.linspace(0.0, 1.0, len(curve)), lengths, frame.latent[path.samples])
@@ -113,7 +113,7 @@ class Detour:
 
 
 class DetourPlanner:
-    """Finds detours on one skill, and plans their certified motions; any thread may call it."""
+    """A planner that finds detours on one skill, and plans their certified motions; any thread may call it."""
 
     def __init__(self, solver: Solver, spread: DemonstratedSpread | None = None) -> None:
         """spread : of the skill's demonstrations; None: it is worked out."""
@@ -121,12 +121,12 @@ class DetourPlanner:
         self._spread = spread or DemonstratedSpread.of(solver.skill, solver.robot)
 
     def with_solver(self, solver: Solver) -> DetourPlanner:
-        """A planner of detours with another solver of the skill."""
+        """Return a planner of detours with another solver of the skill."""
         return DetourPlanner(solver, self._spread)
 
     def frames(self, query: ArmQuery, obstacles: Obstacles) -> list[DetourFrame] | Refusal:
-        """The coordinates beside the base paths of a query, in the order in which they are tried; or why the arm cannot
-        hold any.
+        """Return the coordinates beside the base paths of a query, in the order in which they are tried; or why the arm
+        cannot hold any.
 
         Where several modes were demonstrated, first that of the mode which obstacles bar least: of the geodesic of the
         metric that they reshape.
@@ -143,27 +143,27 @@ class DetourPlanner:
             mode = demonstrated_mode(shares)
             covariances = query.turned_to_base(self._spread.at(progress, mode))
             # In one mode the geodesic without obstacles serves.
-            frames[mode] = DetourFrame.along(self._solver.robot, base.configurations, base.latent, covariances)
+            frames[mode] = DetourFrame.of_base_path(self._solver.robot, base.configurations, base.latent, covariances)
         if frames or refusal is None:
             return list(frames.values())
         return refusal
 
     def find(self, query: ArmQuery, obstacles: Obstacles, reach: float) -> Detour | Refusal:
-        """The cheapest detour with displacements up to `reach` [m], or why there is none."""
+        """Return the cheapest detour with displacements up to `reach` [m], or why there is none."""
         frames = self.frames(query, obstacles)
         if isinstance(frames, Refusal):
             return frames
         refusals = []
         for frame in frames:
-            found = self.beside(frame, query, obstacles, reach)
+            found = self.find_beside(frame, query, obstacles, reach)
             if isinstance(found, Detour):
                 return found
             refusals.append(found)
         return UNSEEN if UNSEEN in refusals else refusals[-1]
 
-    def beside(self, frame: DetourFrame, query: PathEnds, obstacles: Obstacles, reach: float) -> Detour | Refusal:
-        """The cheapest detour of up to `reach` [m] beside one base path, certified for an arm that begins at rest; or
-        why there is none.
+    def find_beside(self, frame: DetourFrame, query: PathEnds, obstacles: Obstacles, reach: float) -> Detour | Refusal:
+        """Return the cheapest detour of up to `reach` [m] beside one base path, certified for an arm that begins at
+        rest; or why there is none.
 
         The path of the lattice is drawn tight and smoothed. Where that is not certified with any smoothing, the path of
         the lattice itself is smoothed.
@@ -177,16 +177,16 @@ class DetourPlanner:
         if ends <= 0.0:
             return COVERED_END
         margin = required.searched.of(ends)
-        arm = ArmInScene.of(solver.robot, solver.collision, swept, solver.seen_beside(frame.configurations))
+        arm = ArmInScene.of(solver.robot, solver.collision, swept, solver.seen_volume_beside(frame.configurations))
         path = cheapest_detour(frame, arm, reach, margin)
         if isinstance(path, Refusal):
             if not arm.seen.everything:
                 without = cheapest_detour(frame, arm._replace(seen=SeenVolume.unbounded()), reach, margin)
                 return without if isinstance(without, Refusal) else UNSEEN
             return path
-        band = drawn_tight(frame, arm, path, reach, margin)
-        drawn = [] if band is None else [Detour.along_band(query, frame, path, band, width) for width in SMOOTHINGS]
-        rounded = (Detour.along_lattice(query, frame, path, width) for width in LATTICE_SMOOTHINGS)
+        band = draw_tight(frame, arm, path, reach, margin)
+        drawn = [] if band is None else [Detour.from_band(query, frame, path, band, width) for width in SMOOTHINGS]
+        rounded = (Detour.from_lattice(query, frame, path, width) for width in LATTICE_SMOOTHINGS)
         still = np.zeros_like(query.start)
         at_start = MotionState(obstacles.time, query.start, still, still, None)
         refusal: Refusal | None = None
@@ -199,9 +199,9 @@ class DetourPlanner:
         return refusal
 
     def plan(self, detour: Detour, state: MotionState, obstacles: Obstacles) -> Plan:
-        """The certified motion along a detour from a state at its start, or why it is not certified."""
-        seen = self._solver.seen_beside(detour.base)
-        plan = self._solver.along(detour.query, state, detour.configurations, detour.latent, obstacles, seen)
+        """Return the certified motion along a detour from a state at its start, or why it is not certified."""
+        seen = self._solver.seen_volume_beside(detour.base)
+        plan = self._solver.plan_along(detour.query, state, detour.configurations, detour.latent, obstacles, seen)
         verdict = plan.verdict
         if verdict.ok:
             verdict = verdict.with_remark(
@@ -212,6 +212,6 @@ class DetourPlanner:
 
 
 def without_detour(plan: Plan, reach: float, refusal: Refusal) -> Plan:
-    """A plan without a path, whose verdict says why there is no detour of up to `reach` [m] either."""
+    """Return a plan without a path, whose verdict says why there is no detour of up to `reach` [m] either."""
     remark = f"no detour of up to {100 * reach:.0f} cm: {refusal.reason}"
     return replace(plan, verdict=plan.verdict.with_remark(remark))

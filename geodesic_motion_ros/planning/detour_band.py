@@ -57,9 +57,9 @@ class Band:
     deviations: np.ndarray
 
 
-def drawn_tight(frame: DetourFrame, arm: ArmInScene, path: LatticePath, reach: float, margin: float) -> Band | None:
-    """A path of the lattice made continuous, with displacements up to `reach` [m] and a clearance of `margin` [m], or
-    of what it has between the nodes where that is less; None where the arm cannot hold it there.
+def draw_tight(frame: DetourFrame, arm: ArmInScene, path: LatticePath, reach: float, margin: float) -> Band | None:
+    """Return a path of the lattice made continuous, with displacements up to `reach` [m] and a clearance of `margin`
+    [m], or of what it has between the nodes where that is less; None where the arm cannot hold it there.
     """
     # Lengths along all four axes [m].
     points = np.column_stack(
@@ -86,10 +86,10 @@ def drawn_tight(frame: DetourFrame, arm: ArmInScene, path: LatticePath, reach: f
 
 
 def band_cost(frame: DetourFrame, arm: ArmInScene, band: Band) -> float:
-    """J of a band. A path of the lattice whose nodes are the points of a band costs the same."""
-    points = np.column_stack(
-        [frame.step * band.progress, band.displacements, constants.DETOUR_METRES_PER_SWIVEL * band.swivels]
-    )
+    """Return J of a band. A path of the lattice whose nodes are the points of a band costs the same."""
+    points = np.column_stack([
+        frame.step * band.progress, band.displacements, constants.DETOUR_METRES_PER_SWIVEL * band.swivels
+    ])
     precisions = _at(frame, band.progress)[4]
     clearances = np.array([clearance_at(q, arm, constants.DETOUR_FELT_CLEARANCE) for q in band.configurations])
     parts = zip(points[:, 1:], precisions, clearances, strict=True)

@@ -48,7 +48,9 @@ class DemonstratedSpread:
 
     @classmethod
     def of(cls, skill: Skill, robot: Robot) -> DemonstratedSpread:
-        """The spread of the demonstrations on which a skill was trained, as it decodes them; in the skill's frame."""
+        """Return the spread of the demonstrations on which a skill was trained, as it decodes them; in the skill's
+        frame.
+        """
         codes = skill.codes.reshape(-1, skill.codes.shape[-1])
         positions = OutputSpace.of(skill).tool_positions(skill.decoder, codes, robot)
         positions = positions.reshape(*skill.codes.shape[:2], 3)
@@ -62,14 +64,14 @@ class DemonstratedSpread:
         return cls(gaussian_filter1d(np.stack(spread), _SMOOTHING * samples, axis=1, mode="nearest"))
 
     def at(self, progress: np.ndarray, mode: int) -> np.ndarray:
-        """Covariances (m, 3, 3) at progress (m,) from 0 to 1 of the skill, of one mode."""
+        """Return covariances (m, 3, 3) at progress (m,) from 0 to 1 of the skill, of one mode."""
         samples = self.covariances.shape[1]
         table = self.covariances[mode].reshape(samples, 9)
         return interpolated(progress, np.linspace(0.0, 1.0, samples), table).reshape(-1, 3, 3)
 
 
 def demonstrated_mode(shares: np.ndarray) -> int:
-    """The mode with the largest of shares (m, K) in the mean; the only one where K is 0."""
+    """Return the mode with the largest of shares (m, K) in the mean; the only one where K is 0."""
     return int(np.argmax(shares.mean(axis=0))) if shares.shape[1] else 0
 
 
@@ -95,8 +97,8 @@ class DetourFrame:
     precisions: np.ndarray
 
     @classmethod
-    def along(cls, robot: Robot, path: np.ndarray, latent: np.ndarray, covariances: np.ndarray) -> DetourFrame:
-        """The frame of a base path (k, eta) with latent points (k, d) and covariances (k, 3, 3) of positions."""
+    def of_base_path(cls, robot: Robot, path: np.ndarray, latent: np.ndarray, covariances: np.ndarray) -> DetourFrame:
+        """Return the frame of a base path (k, eta) with latent points (k, d) and covariances (k, 3, 3) of positions."""
         positions, quaternions = end_effector_poses(contiguous(path), robot.chain)
         turned = angle_between(quaternions[1:], quaternions[:-1])
         moved = np.linalg.norm(np.diff(positions, axis=0), axis=1)
@@ -121,5 +123,6 @@ class DetourFrame:
 
 
 def deviations(displacements: np.ndarray, precisions: np.ndarray) -> np.ndarray:
-    """Mahalanobis distances (m,) of displacements (m, 3) [m] from what was demonstrated, with (m, 3, 3) [1/m^2]."""
+    """Return Mahalanobis distances (m,) of displacements (m, 3) [m] from what was demonstrated, with (m, 3, 3) [1/m^2].
+    """
     return np.sqrt(np.einsum("ma,mab,mb->m", displacements, precisions, displacements))

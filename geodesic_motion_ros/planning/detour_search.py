@@ -55,7 +55,7 @@ class Lattice(NamedTuple):
 
     @classmethod
     def of(cls, samples: int, reach: float, redundant: bool) -> Lattice:
-        """Over displacements up to a reach [m]; redundant : whether the arm has a swivel."""
+        """Return the lattice over displacements up to a reach [m]; redundant : whether the arm has a swivel."""
         half = max(2, math.ceil(reach / constants.DETOUR_LATTICE_SPACING - 1e-9))
         swivels = 2 * constants.DETOUR_SWIVELS + 1 if redundant else 1
         around = [(x, y, z) for x in (-1, 0, 1) for y in (-1, 0, 1) for z in (-1, 0, 1)]
@@ -87,8 +87,8 @@ class LatticePath:
 
 
 def cheapest_detour(frame: DetourFrame, arm: ArmInScene, reach: float, margin: float) -> LatticePath | Refusal:
-    """The cheapest path along a frame from its start to its end with displacements up to `reach` [m] and a clearance of
-    `margin` [m] at least; or why there is none: the hand cannot pass, or the arm cannot.
+    """Return the cheapest path along a frame from its start to its end with displacements up to `reach` [m] and a
+    clearance of `margin` [m] at least; or why there is none: the hand cannot pass, or the arm cannot.
     """
     joints = frame.configurations.shape[1]
     lattice = Lattice.of(len(frame), reach, joints > 6)
@@ -112,14 +112,15 @@ def cheapest_detour(frame: DetourFrame, arm: ArmInScene, reach: float, margin: f
 
 @numba.njit(cache=True, nogil=True)
 def nearness_factor(clearance: float) -> float:
-    """m, by how much a path is dearer at a clearance [m]; inside of obstacles no more than at a certain depth."""
+    """Return m, by how much a path is dearer at a clearance [m]; inside of obstacles no more than at a certain depth.
+    """
     near = min(max(0.0, 1.0 - clearance / constants.DETOUR_FELT_CLEARANCE), 2.0)
     return 1.0 + constants.DETOUR_NEARNESS_STRENGTH * near * near
 
 
 @numba.njit(cache=True, nogil=True)
 def stretch(precision: np.ndarray, x: float, y: float, z: float, swivel: float) -> float:
-    """phi at a displacement (x, y, z) [m] and a swivel [rad], for a precision (3, 3) [1/m^2]."""
+    """Return phi at a displacement (x, y, z) [m] and a swivel [rad], for a precision (3, 3) [1/m^2]."""
     along = swivel / constants.DETOUR_SWIVEL_SPREAD
     return (
         1.0 + along * along + precision[0, 0] * x * x + precision[1, 1] * y * y + precision[2, 2] * z * z
@@ -194,7 +195,7 @@ def _hand_field(precisions: np.ndarray, step: float, factors: np.ndarray, lattic
 
 @numba.njit(cache=True, nogil=True)
 def move_length(moves: np.ndarray, b: int, step: float, lattice: Lattice) -> float:
-    """Length [m] of a move where phi is 1: sqrt(dl^2 + |d delta|^2 + lambda^2 de^2)."""
+    """Return the length [m] of a move where phi is 1: sqrt(dl^2 + |d delta|^2 + lambda^2 de^2)."""
     ahead, spacing = step * moves[b, 0], lattice.spacing
     beside = spacing * spacing * (moves[b, 1] ** 2 + moves[b, 2] ** 2 + moves[b, 3] ** 2)
     turned = constants.DETOUR_METRES_PER_SWIVEL * lattice.swivel_spacing * moves[b, 4]

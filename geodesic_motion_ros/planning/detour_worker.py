@@ -23,7 +23,7 @@ class DetourJob:
     future: Future[Detour | Refusal]
     ready: float | None
 
-    def done(self, now: float) -> bool:
+    def is_done(self, now: float) -> bool:
         """Whether the result has arrived at a time [s]."""
         return self.future.done() if self.ready is None else now >= self.ready - _ROUNDING
 

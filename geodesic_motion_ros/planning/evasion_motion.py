@@ -32,8 +32,8 @@ def evasion_on_graph(
     workings: Workings,
     deadline: Deadline = NEVER,
 ) -> Plan | None:
-    """A certified motion to a place on the graph nearby, to which no obstacle is expected to come; None where none
-    is found in time.
+    """Return a certified motion to a place on the graph nearby, to which no obstacle is expected to come; None where
+    none is found in time.
 
     An arm in motion stops first, as it can go back then, or else sets out as it moves.
 
@@ -45,13 +45,13 @@ def evasion_on_graph(
     for begin, first in _begins(solver, state, obstacles, stop):
         start = latent_start(query, begin)
         for path in paths_to_targets(solver.graph, query, start, evaluation, constants.EVASION_STEPS, apart):
-            timed = workings.timed(solver.timer, query, begin, path, False, math.inf)
+            timed = workings.time_path(solver.timer, query, begin, path, False, math.inf)
             if not isinstance(timed, Refusal):
                 whole = timed.reference if first is None else joined(first, 0.0, timed.reference, first.duration)
-                certificate, objection = solver.certifier.assess(solver.certifier.swept(whole), obstacles, requirement)
+                certificate, objection = solver.certifier.assess(solver.certifier.sweep(whole), obstacles, requirement)
                 figures = solver.judge(query, path, timed, certificate, objection)
                 if not isinstance(figures, Refusal):
-                    return Plan(solver.certifier.judged(whole, certificate), state.time, Verdict(figures=figures))
+                    return Plan(solver.certifier.judge(whole, certificate), state.time, Verdict(figures=figures))
             if deadline.passed:
                 return None
     return None
@@ -66,7 +66,7 @@ def _begins(
     if not np.any(state.velocity):
         return [(state, None)]
     while_stopping = solver.requirements.evasion.until(stop.duration)
-    _, met = solver.certifier.assess(solver.certifier.swept(stop), obstacles, while_stopping)
+    _, met = solver.certifier.assess(solver.certifier.sweep(stop), obstacles, while_stopping)
     return [(state, None)] if met else [(state.after(stop), stop), (state, None)]
 
 
@@ -78,8 +78,8 @@ def evasion_beside_graph(
     reach: float,
     deadline: Deadline = NEVER,
 ) -> Plan | None:
-    """A certified motion to a place beside the graph, to which no obstacle comes soon; None where none is found in
-    time.
+    """Return a certified motion to a place beside the graph, to which no obstacle comes soon; None where none is found
+    in time.
 
     reach : how far the tool may be from what was demonstrated [m].
     """
@@ -90,7 +90,7 @@ def evasion_beside_graph(
         return None
     left = reach - query.displaced_at(progress)
     undisplaced, _ = solver.robot.forward(configurations[0])
-    seen = solver.seen_beside(state.position[None])
+    seen = solver.seen_volume_beside(state.position[None])
     requirement = solver.requirements.beside_graph
     swept = obstacles.swept(requirement.horizon).beside(solver.scene.solids)
     arm, apart = ArmInScene.of(solver.robot, solver.collision, swept, seen), requirement.searched.of()
@@ -98,11 +98,11 @@ def evasion_beside_graph(
     for curve in islice(targets, constants.EVASION_DISPLACED):
         if deadline.passed:
             return None
-        timed = solver.timer.timed_curve(state, JointCurve(curve, np.repeat(latent, len(curve), axis=0), 0.0))
+        timed = solver.timer.time_curve(state, JointCurve(curve, np.repeat(latent, len(curve), axis=0), 0.0))
         if isinstance(timed, Refusal):
             continue
         certificate, met = solver.certifier.assess(timed.swept, obstacles, requirement)
-        if not (met or solver.certifier.unseen(timed.swept, seen)):
+        if not (met or solver.certifier.seen_objection(timed.swept, seen)):
             verdict = Verdict(figures=Figures(clearance=float(np.min(certificate.clearance))))
-            return Plan(solver.certifier.judged(timed.reference, certificate), state.time, verdict)
+            return Plan(solver.certifier.judge(timed.reference, certificate), state.time, verdict)
     return None

@@ -29,7 +29,7 @@ _STEPS = 3
 def paths_to_targets(
     graph: LatentGraph, query: Query[Any], start: np.ndarray, evaluation: NodeEvaluation, steps: int, apart: float
 ) -> Iterator[LatentPath]:
-    """Paths from a latent point (d,) to evasion targets, one in each direction, the nearest first.
+    """Return paths from a latent point (d,) to evasion targets, one in each direction, the nearest first.
 
     evaluation : where obstacles are expected to be, all at once; apart : a target's clearance from that, at least [m].
     steps : targets are no more grid steps away.
@@ -56,8 +56,9 @@ def paths_to_targets(
 def displaced_paths(
     robot: Robot, arm: ArmInScene, start: np.ndarray, undisplaced: np.ndarray, reach: float, apart: float
 ) -> Iterator[np.ndarray]:
-    """Configurations (m, eta) of paths from one (eta,) that displace the tool straight, turned as it is, or swivel the
-    arm about it: to evasion targets beside the graph, the shortest first, of those the one with most clearance.
+    """Return configurations (m, eta) of paths from one (eta,) that displace the tool straight, turned as it is, or
+    swivel the arm about it: to evasion targets beside the graph, the shortest first, of those the one with most
+    clearance.
 
     Parameters
     ----------

@@ -14,7 +14,7 @@ from geodesic_motion_ros.obstacles.obstacles import Obstacles
 from geodesic_motion_ros.planning.detour import COVERED_END, Detour, DetourPlanner, DetourRequest, without_detour
 from geodesic_motion_ros.planning.mission import GoalRequest
 from geodesic_motion_ros.planning.plan import MotionState, Plan
-from geodesic_motion_ros.planning.played import Followed
+from geodesic_motion_ros.planning.played import FollowedPlan
 from geodesic_motion_ros.planning.query import ArmGoal, ArmQuery, QueryBuilder
 from geodesic_motion_ros.planning.settings import PlannerSettings
 from geodesic_motion_ros.planning.solver import Solver
@@ -42,15 +42,15 @@ class GuardedArm:
 
     @classmethod
     def of(cls, solver: Solver) -> GuardedArm:
-        """The arm of a solver, which holds nothing."""
+        """Return the arm of a solver, which holds nothing."""
         collision = solver.collision
         queries = solver.space.queries(
             solver.skill, solver.graph, solver.settings, solver.robot, collision, solver.scene
         )  # fmt: skip
         return cls(collision, (), collision, solver, queries, DetourPlanner(solver))
 
-    def changed(self, objects: Sequence[HeldObject], settings: PlannerSettings) -> GuardedArm:
-        """The arm with these objects in the place of those that it holds, and with other settings.
+    def with_changes(self, objects: Sequence[HeldObject], settings: PlannerSettings) -> GuardedArm:
+        """Return the arm with these objects in the place of those that it holds, and with other settings.
 
         Raises
         ------
@@ -72,7 +72,7 @@ class GuardedArm:
         return JointLimits.of(old.robot, settings.speed_scale, settings.acceleration_scale)
 
     def goal(self, request: GoalRequest, frame: TaskFrame) -> ArmGoal | Refusal:
-        """The goal of a request, or why the request is refused; frame : the task frame."""
+        """Return the goal of a request, or why the request is refused; frame : the task frame."""
         if request.configuration is not None:
             return self.queries.goal_by_configuration(request.configuration, frame)
         assert request.pose is not None
@@ -88,8 +88,8 @@ class GuardedArm:
             )
         return self.queries.goal_by_pose(pose, frame)
 
-    def query_from(self, state: MotionState, followed: Followed | None, goal: ArmGoal) -> ArmQuery | Refusal:
-        """The query to a goal from where the stream is: the followed one redirected, so that the motion goes on
+    def query_from(self, state: MotionState, followed: FollowedPlan | None, goal: ArmGoal) -> ArmQuery | Refusal:
+        """Return the query to a goal from where the stream is: the followed one redirected, so that the motion goes on
         smoothly; a new one where the arm is at an end of its path.
         """
         if followed is not None and state.latent is not None:
@@ -99,25 +99,25 @@ class GuardedArm:
         return self.queries.build(state.position, goal)
 
     def plan_from_rest(self, start: np.ndarray, goal: ArmGoal, obstacles: Obstacles, reach: float) -> Plan:
-        """The plan from rest in a configuration (eta,) [rad] to a goal; where there is no path, along a detour of up
-        to a reach [m].
+        """Return the plan from rest in a configuration (eta,) [rad] to a goal; where there is no path, along a detour
+        of up to a reach [m].
         """
         query = self.queries.build(start, goal)
         if isinstance(query, Refusal):
             return Plan(None, 0.0, query)
         still = np.zeros_like(start)
         state = MotionState(obstacles.time, start, still, still, query.start_latent)
-        plan = self.solver.solve(query, state, obstacles, self.solver.cautious)
+        plan = self.solver.solve(query, state, obstacles, self.solver.cautious_attempts)
         if plan.verdict.code is not VerdictCode.NO_FEASIBLE_PATH or reach == 0.0:
             return plan
-        detour = self.detour(query, obstacles, reach)
+        detour = self.find_detour(query, obstacles, reach)
         if isinstance(detour, Refusal):
             return without_detour(plan, reach, detour)
         return self.detours.plan(detour, state, obstacles)
 
-    def detour(self, query: ArmQuery, obstacles: Obstacles, reach: float) -> Detour | Refusal:
-        """The cheapest detour of up to `reach` [m], or why there is none; where an obstacle covers an end, in the first
-        of the other postures that has one.
+    def find_detour(self, query: ArmQuery, obstacles: Obstacles, reach: float) -> Detour | Refusal:
+        """Return the cheapest detour of up to `reach` [m], or why there is none; where an obstacle covers an end, in
+        the first of the other postures that has one.
         """
         found = self.detours.find(query, obstacles, reach)
         other = self.queries.other_posture(query) if found is COVERED_END else None
@@ -126,18 +126,20 @@ class GuardedArm:
             other = self.queries.other_posture(other)
         return found
 
-    def requested_detour(
+    def find_requested_detour(
         self, request: DetourRequest, latent: np.ndarray | None, obstacles: Obstacles
     ) -> Detour | Refusal:
-        """The detour that is requested, from where the arm stands, at a latent point (d,), among expected obstacles."""
+        """Return the detour that is requested, from where the arm stands, at a latent point (d,), among expected
+        obstacles.
+        """
         query = request.query
         if np.array_equal(query.start, request.position):
-            return self.detour(query, obstacles, request.reach)
+            return self.find_detour(query, obstacles, request.reach)
         here = None
         if latent is not None:
             here = self.queries.redirected(query, request.position, latent, request.goal)
         here = here or self.queries.build(request.position, request.goal)
-        return here if isinstance(here, Refusal) else self.detour(here, obstacles, request.reach)
+        return here if isinstance(here, Refusal) else self.find_detour(here, obstacles, request.reach)
 
 
 @dataclass(frozen=True, eq=False)

@@ -40,8 +40,8 @@ class SpherePlaces:
     free: np.ndarray
 
     @classmethod
-    def along(cls, planner: ReactivePlanner, motion: JointReference, count: int) -> SpherePlaces:
-        """Evenly spaced places of a motion of the planner's arm."""
+    def of_motion(cls, planner: ReactivePlanner, motion: JointReference, count: int) -> SpherePlaces:
+        """Return evenly spaced places of a motion of the planner's arm."""
         postures = motion.samples(np.linspace(0.0, motion.duration, _SAMPLES))[0]
         tool = np.array([planner.robot.forward(posture)[0] for posture in postures])
         shares = np.linspace(*INTERIOR, count)
@@ -50,10 +50,12 @@ class SpherePlaces:
         return cls(shares, centres, np.array(free))
 
 
-def largest_passed(planner: ReactivePlanner, centre: np.ndarray, free: float, passed: float = 0.0) -> tuple[float, str]:
-    """Radius [m] of the largest sphere at a centre (3,) [m] that the planner passes between the ends of its skill, and
-    why one that is larger by STEP is not passed; "" where LARGEST is passed. By bisection: that what is smaller is
-    passed, too, is taken for granted. The planner keeps the last sphere tried as its only obstacle.
+def find_largest_passed(
+    planner: ReactivePlanner, centre: np.ndarray, free: float, passed: float = 0.0
+) -> tuple[float, str]:
+    """Return the radius [m] of the largest sphere at a centre (3,) [m] that the planner passes between the ends of its
+    skill, and why one that is larger by STEP is not passed; "" where LARGEST is passed. By bisection: that what is
+    smaller is passed, too, is taken for granted. The planner keeps the last sphere tried as its only obstacle.
 
     Parameters
     ----------

@@ -11,7 +11,7 @@ from geodesic_motion_ros.planning.detour import Detour, DetourRequest
 from geodesic_motion_ros.planning.detour_worker import DetourJob
 from geodesic_motion_ros.planning.plan import Plan
 from geodesic_motion_ros.planning.query import ArmQuery
-from geodesic_motion_ros.planning.retry import Asked, Question, Workings
+from geodesic_motion_ros.planning.retry import PastSearch, Question, Workings
 from geodesic_motion_ros.planning.settings import Attempt
 from geodesic_motion_ros.planning.situation import Situation
 from geodesic_motion_ros.planning.solver import Solver
@@ -19,7 +19,7 @@ from geodesic_motion_ros.planning.status import Refusal, VerdictCode
 
 
 @dataclass(frozen=True)
-class Blocked:
+class FailedAttempts:
     """The attempts that found no path for an arm at rest among obstacles that stand: they need not be repeated.
 
     Attributes
@@ -48,16 +48,18 @@ class DetourSearch:
     request: DetourRequest
     refusal: Refusal | None = None
 
-    def found(self, request: DetourRequest) -> Detour | None:
-        """The detour of the job, where it serves a request: from and to the same, no farther off than that allows."""
+    def detour_for(self, request: DetourRequest) -> Detour | None:
+        """Return the detour of the job, where it serves a request: from and to the same, no farther off than that
+        allows.
+        """
         detour = self.job.result
         if not isinstance(detour, Detour) or not self.request.question.holds_there(request.question):
             return None
         return detour if self.request.reach <= request.reach or detour.displacement <= request.reach else None
 
-    def refusal_of(self, request: DetourRequest, now: float) -> Refusal | None:
+    def refusal_for(self, request: DetourRequest, now: float) -> Refusal | None:
         """Return why there is no detour for a request at `now` [s]; None where that is not known."""
-        if not self.request.question.holds_for(request.question) or not self.job.done(now):
+        if not self.request.question.holds_for(request.question) or not self.job.is_done(now):
             return None
         result = self.job.result
         return result if isinstance(result, Refusal) else self.refusal
@@ -70,9 +72,9 @@ class AttemptMemory:
     Attributes
     ----------
     without_path : the query for which the last search found no path; None: it found one. refusal : why it found none.
-    attempted : the number of the last attempt with that query (`chosen_attempts`).
+    attempted : the number of the last attempt with that query (`choose_attempts`).
     blocked : the attempts that need not be repeated; None: obstacles have moved since, or the arm follows a path.
-    asked : the last searches of evasions that found none, and of approaches, by the names of their requirements.
+    past_searches : the last of evasions that found none, and of approaches, by the names of their requirements.
     blocked_since : since when the arm has had no path [s].
     detour : the last one that was searched.
     workings : of all searches.
@@ -81,26 +83,27 @@ class AttemptMemory:
     without_path: ArmQuery | None = None
     refusal: Refusal | None = None
     attempted: int = 0
-    blocked: Blocked | None = None
-    asked: Mapping[str, Asked] = field(default_factory=dict)
+    blocked: FailedAttempts | None = None
+    past_searches: Mapping[str, PastSearch] = field(default_factory=dict)
     blocked_since: float = math.inf
     detour: DetourSearch | None = None
     workings: Workings = field(default_factory=Workings)
 
-    def still_blocked(self, query: ArmQuery, obstacles: Obstacles) -> Blocked | None:
-        """The attempts with a query that need not be repeated, where nothing has changed since; None elsewhere."""
+    def failed_for(self, query: ArmQuery, obstacles: Obstacles) -> FailedAttempts | None:
+        """Return the attempts with a query that need not be repeated, where nothing has changed since; None elsewhere.
+        """
         blocked = self.blocked
         return blocked if blocked is not None and blocked.question.holds_for(Question(query, obstacles)) else None
 
     def origin(self, query: ArmQuery) -> ArmQuery:
-        """The query on which the arm stopped, where a query is attempted in its place; else the query itself."""
+        """Return the query on which the arm stopped, where a query is attempted in its place; else the query itself."""
         blocked = self.blocked
         return blocked.origin if blocked is not None and blocked.question.about is query else query
 
-    def chosen_attempts(
+    def choose_attempts(
         self, solver: Solver, query: ArmQuery, situation: Situation, is_taken: Callable[[Refusal], bool]
     ) -> tuple[tuple[Attempt, ...], AttemptMemory]:
-        """The attempts of this tick, by an arm that follows no path to a query's goal, and the memory of them.
+        """Return the attempts of this tick, by an arm that follows no path to a query's goal, and the memory of them.
 
         is_taken : whether another long search takes this tick, where there is no path for a reason.
 
@@ -109,7 +112,7 @@ class AttemptMemory:
         | the query is new, or its path has just been lost | all of `Solver.attempts` |
         | the last search found no path, and another long search takes this tick | none |
         | the last search found no path: obstacles block it, and one of them moves | the next one of `Solver.attempts` |
-        | the last search found no path, otherwise | the next one of `Solver.cautious` |
+        | the last search found no path, otherwise | the next one of `Solver.cautious_attempts` |
 
         `attempted` counts on through whichever of both tuples the tick uses, modulo its length, so that every attempt
         comes again.
@@ -119,34 +122,41 @@ class AttemptMemory:
         if self.refusal is not None and is_taken(self.refusal):
             return (), self
         blocked = self.refusal is not None and self.refusal.code is VerdictCode.NO_FEASIBLE_PATH
-        tried = solver.attempts if blocked and not situation.expected.is_static else solver.cautious
+        tried = solver.attempts if blocked and not situation.expected_obstacles.is_static else solver.cautious_attempts
         number = (self.attempted + 1) % len(tried)
         return tried[number : number + 1], replace(self, attempted=number)
 
     def after(
-        self, plan: Plan, query: ArmQuery, blocked: Blocked | None, attempts: tuple[Attempt, ...], situation: Situation
+        self,
+        plan: Plan,
+        query: ArmQuery,
+        blocked: FailedAttempts | None,
+        attempts: tuple[Attempt, ...],
+        situation: Situation,
     ) -> AttemptMemory:
-        """The memory after a search of a query with some attempts, which came to a plan.
+        """Return the memory after a search of a query with some attempts, which came to a plan.
 
         blocked : the attempts with the query, in the same situation, before this search; None: there were none.
         """
         still, out_of_time = None, plan.verdict.code is VerdictCode.DEADLINE_MISSED
         without = out_of_time or plan.verdict.code is VerdictCode.NO_FEASIBLE_PATH
-        if without and situation.expected.is_static and situation.at_rest:
+        if without and situation.expected_obstacles.is_static and situation.at_rest:
             question = Question(query, situation.obstacles)
-            before = blocked or Blocked(question, query, frozenset(), plan.refusal)
+            before = blocked or FailedAttempts(question, query, frozenset(), plan.refusal)
             # The first time all attempts share a tick, and its deadline; later each attempt has a tick of its own.
             shared = out_of_time and query is not self.without_path
             tried = before.attempts if shared else before.attempts.union(attempts)
             unfinished = before.unfinished or (out_of_time and not shared)
-            still = Blocked(question, before.origin, tried, plan.refusal, unfinished)
+            still = FailedAttempts(question, before.origin, tried, plan.refusal, unfinished)
         if plan.trajectory is not None:
             return replace(self, without_path=None, blocked=still, blocked_since=math.inf, detour=None)
         since = min(self.blocked_since, situation.now)
         return replace(self, without_path=query, refusal=plan.refusal, blocked=still, blocked_since=since)
 
-    def interrupted(self, verdict: Refusal) -> AttemptMemory:
-        """The memory after a tick that had no time for the approach that a verdict asks for: all is attempted again."""
+    def interrupt(self, verdict: Refusal) -> AttemptMemory:
+        """Return the memory after a tick that had no time for the approach that a verdict asks for: all is attempted
+        again.
+        """
         if self.blocked is None or not verdict.figures.goal_covered:
             return self
         return replace(self, blocked=replace(self.blocked, unfinished=True))

@@ -46,7 +46,7 @@ class PreparedGoal:
 
 @dataclass(frozen=True, eq=False)
 class Mission:
-    """Where the arm is to go: the goal that was requested, and the goal that ticks plan to.
+    """The aim of the arm: the goal that was requested, and the goal that ticks plan to.
 
     Attributes
     ----------
@@ -68,8 +68,8 @@ class Mission:
         """Whether no query is needed as a goal is taken: it waits, or it is the active one."""
         return self.defers(goal) or (self.active is not None and goal.is_same(self.active.goal))
 
-    def activated(self, prepared: PreparedGoal, query: ArmQuery | None) -> Mission:
-        """The mission with a prepared goal, and its query, as the active one."""
+    def activate(self, prepared: PreparedGoal, query: ArmQuery | None) -> Mission:
+        """Return the mission with a prepared goal, and its query, as the active one."""
         if self.active is not None and prepared.goal.is_same(self.active.goal):
             return self
         return replace(self, active=prepared, query=query)
@@ -90,12 +90,12 @@ class Inputs:
     unchanged_since: float = 0.0
 
     def with_obstacles(self, obstacles: Obstacles, now: float) -> Inputs:
-        """The inputs with the obstacles that are received at `now` [s], in the place of those before."""
+        """Return the inputs with the obstacles that are received at `now` [s], in the place of those before."""
         since = self.unchanged_since if self.obstacles.is_static_and_unchanged(obstacles) else now
         return replace(self, obstacles=obstacles, unchanged_since=since)
 
     @cached_property
-    def enlarged(self) -> Obstacles:
+    def enlarged_obstacles(self) -> Obstacles:
         """The obstacles as every search and certificate counts them.
 
         Each is larger by its position error and by the arm's tracking error. A moving one also covers all places where

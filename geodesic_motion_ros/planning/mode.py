@@ -33,21 +33,21 @@ class Mode(Enum):
         return self in (Mode.IDLE, Mode.WAITING, Mode.HOLDING)
 
     @classmethod
-    def moving(cls, purpose: Purpose) -> Mode:
-        """The mode of an arm whose motion has a purpose."""
+    def from_purpose(cls, purpose: Purpose) -> Mode:
+        """Return the mode of an arm whose motion has a purpose."""
         return {
             Purpose.GOAL: cls.FOLLOWING, Purpose.APPROACH: cls.APPROACHING, Purpose.EVASION: cls.EVADING,
             Purpose.STOP: cls.STOPPING,
         }[purpose]  # fmt: skip
 
     @classmethod
-    def standing(cls, verdict: Verdict) -> Mode:
-        """The mode of an arm that stands, with the verdict of the tick."""
+    def from_verdict(cls, verdict: Verdict) -> Mode:
+        """Return the mode of an arm that stands, with the verdict of the tick."""
         if verdict.ok:
             return cls.FOLLOWING
         if verdict.code is VerdictCode.NO_GOAL:
             return cls.IDLE
-        return cls.WAITING if verdict.planned else cls.HOLDING
+        return cls.WAITING if verdict.is_of_planning else cls.HOLDING
 
 
 #: Which modes may follow each one: what stands has nothing to stop.

@@ -14,7 +14,7 @@ from geodesic_motion_ros.obstacles.obstacles import Obstacles
 
 @numba.njit(cache=True, nogil=True)
 def segment_distance(begin: np.ndarray, end: np.ndarray, point: np.ndarray) -> float:
-    """Distance [m] from a point (3,) to the segment between two points (3,)."""
+    """Return the distance [m] from a point (3,) to the segment between two points (3,)."""
     along, length = 0.0, 0.0
     for j in range(3):
         step = end[j] - begin[j]
@@ -31,7 +31,7 @@ def segment_distance(begin: np.ndarray, end: np.ndarray, point: np.ndarray) -> f
 def curve_clearances(
     points: np.ndarray, point_radii: np.ndarray, allowances: np.ndarray, obstacles: Obstacles
 ) -> np.ndarray:
-    """Guaranteed clearance [m] of every stretch between successive samples, (n - 1,); inf without obstacles.
+    """Return the guaranteed clearance [m] of every stretch between successive samples, (n - 1,); inf without obstacles.
 
     Parameters
     ----------
@@ -75,7 +75,8 @@ def _curve_clearances(
 
 
 def rotation_allowance(angles: np.ndarray, points: np.ndarray) -> np.ndarray:
-    """How far tool points leave the chord while the tool turns by `angles` [rad] between samples, (n - 1, K) [m].
+    """Return how far tool points leave the chord while the tool turns by `angles` [rad] between samples, (n - 1, K)
+    [m].
 
     Between samples the position is interpolated linearly and the orientation along the great circle, so a tool point at
     distance r from the tool's origin has an acceleration of r angle^2 in the interpolation parameter; a curve with

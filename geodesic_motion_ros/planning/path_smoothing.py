@@ -14,7 +14,7 @@ from geodesic_motion_ros.manifold.metric_field import evenly
 
 
 def resample_latent(path: np.ndarray, spacing: float, minimum: int = 40) -> np.ndarray:
-    """Points (n, d) evenly spaced by latent arc length on a polyline (m, d), at most `spacing` apart, ends kept.
+    """Return points (n, d) evenly spaced by latent arc length on a polyline (m, d), at most `spacing` apart, ends kept.
 
     Of a polyline of one point, as of a tool that is at its goal, that point `minimum` times.
     """
@@ -25,7 +25,7 @@ def resample_latent(path: np.ndarray, spacing: float, minimum: int = 40) -> np.n
 
 
 def smooth_latent(points: np.ndarray, width: float) -> np.ndarray:
-    """Gaussian smoothing of an evenly spaced curve (n, d) with both ends fixed.
+    """Smooth, by a Gaussian, an evenly spaced curve (n, d) with both ends fixed.
 
     `width` is the Gaussian's standard deviation in samples, at most a quarter of the curve. The curve is
     continued beyond each end by point reflection, which is odd about the end, so the filtered one passes through it.
@@ -57,7 +57,9 @@ def _filtered(points: np.ndarray, weights: np.ndarray) -> np.ndarray:
 
 
 def smooth_poses(positions: np.ndarray, quaternions: np.ndarray, width: float) -> tuple[np.ndarray, np.ndarray]:
-    """`smooth_latent` for a pose curve (n, 3), (n, 4) in one hemisphere; rotations between neighbours must be small."""
+    """Smooth, as `smooth_latent` does, a pose curve (n, 3), (n, 4) in one hemisphere; rotations between neighbours must
+    be small.
+    """
     smooth = smooth_latent(np.concatenate([positions, quaternions], axis=1), width)
     return np.ascontiguousarray(smooth[:, :3]), normalise(smooth[:, 3:])
 

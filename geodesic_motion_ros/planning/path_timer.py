@@ -56,12 +56,12 @@ class TimedPath:
 
     @cached_property
     def swept(self) -> SweptArm:
-        """Where the reference takes the arm."""
-        return self.certifier.swept(self.reference)
+        """The places to which the reference takes the arm."""
+        return self.certifier.sweep(self.reference)
 
 
 class PathTimer:
-    """Times paths through one graph, for any thread."""
+    """A timer of paths through one graph, for any thread."""
 
     def __init__(
         self,
@@ -78,14 +78,14 @@ class PathTimer:
         self._joint_width = smoothing * self._width
         self._limits, self._tool, self._certifier = limits, tool, certifier
 
-    def timed(
+    def time_path(
         self, query: ArmQuery, state: MotionState, path: LatentPath, to_goal: bool, longest: float
     ) -> TimedPath | Refusal:
-        """The motion along a path, by its configurations (`joint_curve`); or why there is none."""
+        """Return the motion along a path, by its configurations (`joint_curve`); or why there is none."""
         curve = self.joint_curve(query, state.position, path, to_goal)
         if isinstance(curve, Refusal):
             return curve
-        return self.timed_curve(state, curve, longest)
+        return self.time_curve(state, curve, longest)
 
     def joint_curve(
         self, query: ArmQuery, start: np.ndarray, path: LatentPath, to_goal: bool
@@ -96,9 +96,9 @@ class PathTimer:
         if isinstance(configurations, Refusal):
             return configurations
         curve = smooth_latent(configurations, self._joint_width)
-        return meeting(curve, latent, start, query.goal if to_goal else curve[-1])
+        return meet_ends(curve, latent, start, query.goal if to_goal else curve[-1])
 
-    def timed_curve(
+    def time_curve(
         self, state: MotionState, curve: JointCurve, longest: float = math.inf
     ) -> TimedPath | Refusal:
         """Time a curve that begins where the arm is; or return why no motion along it takes less than `longest` [s]."""
@@ -125,8 +125,8 @@ class PathTimer:
         return "no motion from rest along the path to the goal keeps the limits of the joints and of the tool"
 
 
-def meeting(path: np.ndarray, latent: np.ndarray, start: np.ndarray, goal: np.ndarray) -> JointCurve:
-    """A path (m, eta) moved linearly along its arc so that it begins and ends at two configurations.
+def meet_ends(path: np.ndarray, latent: np.ndarray, start: np.ndarray, goal: np.ndarray) -> JointCurve:
+    """Move a path (m, eta) linearly along its arc so that it begins and ends at two configurations.
 
     latent : (m, d) latent points of the path.
     """

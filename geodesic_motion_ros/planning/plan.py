@@ -15,7 +15,8 @@ from geodesic_motion_ros.trajectory.trajectory import JointReference
 
 @dataclass(frozen=True)
 class Plan:
-    """What the arm is to play from `begin` on, and why: the answer of `tick`, `stop`, `plan` and of every search.
+    """The motion that the arm is to play from `begin` on, and why: the answer of `tick`, `stop`, `plan` and of every
+    search.
 
     Attributes
     ----------
@@ -64,7 +65,7 @@ class MotionState:
     latent: np.ndarray | None
 
     def after(self, stop: JointReference) -> MotionState:
-        """The state of rest where a stop from this state ends."""
+        """Return the state of rest where a stop from this state ends."""
         still = np.zeros_like(self.position)
         latent = None if self.latent is None else stop.latent_at(stop.duration)
         return MotionState(self.time + stop.duration, stop.positions[-1], still, still, latent)

@@ -57,7 +57,7 @@ DETOUR_DELAY = 0.15
 
 
 class ReactivePlanner:
-    """Plans certified motions of one arm with one skill, as a stream: set a goal, set obstacles, tick.
+    """A planner of certified motions of one arm with one skill, as a stream: set a goal, set obstacles, tick.
 
     One thread calls `tick`, `stop`, `stand_at`, and the methods that set, take or clear a goal. Any thread may call
     `plan`, and the methods that prepare a goal. Obstacles are replaced as a whole. Poses and obstacles are of the base
@@ -152,15 +152,15 @@ class ReactivePlanner:
 
     def set_goal(self, position: np.ndarray, quaternion: np.ndarray, in_task_frame: bool = False) -> Verdict:
         """Request a goal pose of the tool, (3,) [m] and (4,): prepare the goal and take it (`take_goal`)."""
-        return self.take_goal(self.prepared_goal(position, quaternion, in_task_frame))
+        return self.take_goal(self.prepare_goal(position, quaternion, in_task_frame))
 
     def set_goal_configuration(self, configuration: np.ndarray) -> Verdict:
         """Request a goal configuration (eta,) [rad]; as `set_goal`. With a skill of tool poses only the tool's pose in
         that configuration is the goal: the posture there follows from the start.
         """
-        return self.take_goal(self.prepared_configuration(configuration))
+        return self.take_goal(self.prepare_configuration(configuration))
 
-    def prepared_goal(
+    def prepare_goal(
         self, position: np.ndarray, quaternion: np.ndarray, in_task_frame: bool = False
     ) -> PreparedGoal | Refusal:
         """Do the work that takes time of requesting a goal pose: any thread may do it while another one ticks.
@@ -176,15 +176,15 @@ class ReactivePlanner:
             return pose
         return self._prepared(GoalRequest(pose, in_task_frame), self._inputs.frame)
 
-    def prepared_configuration(self, configuration: np.ndarray) -> PreparedGoal | Refusal:
-        """`prepared_goal` for a goal configuration (eta,) [rad]."""
+    def prepare_configuration(self, configuration: np.ndarray) -> PreparedGoal | Refusal:
+        """Prepare, as `prepare_goal` does, a goal configuration (eta,) [rad]."""
         checked = self._checked("goal", configuration)
         if isinstance(checked, Refusal):
             return checked
         return self._prepared(GoalRequest(configuration=checked), self._inputs.frame)
 
-    def prepared_again(self) -> PreparedGoal | Refusal:
-        """The requested goal, prepared anew as the task frame has moved; NO_GOAL before the first."""
+    def prepare_again(self) -> PreparedGoal | Refusal:
+        """Prepare the requested goal anew, as the task frame has moved; NO_GOAL before the first."""
         requested = self._mission.requested
         if requested is None:
             return Refusal(VerdictCode.NO_GOAL, "no goal has been given")
@@ -220,7 +220,7 @@ class ReactivePlanner:
         mission = replace(self._mission, requested=prepared)
         if not mission.defers(prepared.goal):
             # A stale query begins where the arm is no more.
-            mission = mission.activated(prepared, prepared.query if prepared.generation == self._generation else None)
+            mission = mission.activate(prepared, prepared.query if prepared.generation == self._generation else None)
         self._mission = mission
         return Verdict(reason=f"goal: {prepared.goal.stated}")
 
@@ -233,14 +233,14 @@ class ReactivePlanner:
         verdict = self.move_task_frame(position, quaternion)
         if not verdict.ok or self._mission.requested is None:
             return verdict
-        prepared = self.prepared_again()
+        prepared = self.prepare_again()
         if isinstance(prepared, Refusal):
             self.clear_goal()
         return self.take_goal(prepared)
 
     def move_task_frame(self, position: np.ndarray, quaternion: np.ndarray) -> Verdict:
-        """`set_task_frame` without the goal: the caller prepares it again (`prepared_again`), which takes time, and
-        takes it.
+        """Move the task frame as `set_task_frame` does, without the goal: the caller prepares it again
+        (`prepare_again`), which takes time, and takes it.
         """
         pose = checked_pose("task frame", position, quaternion)
         if isinstance(pose, Refusal):
@@ -289,7 +289,7 @@ class ReactivePlanner:
 
     @property
     def tracking(self) -> Tracking:
-        """How the arm follows its commands, rounded up as certificates count it."""
+        """The arm's lag and error in following its commands, rounded up as certificates count it."""
         return self._inputs.tracking
 
     def set_tracking(self, tracking: Tracking) -> None:
@@ -300,7 +300,7 @@ class ReactivePlanner:
         """
         check_number("lag [s]", tracking.lag, -LARGEST_NUMBER, LARGEST_NUMBER)
         check_number("tracking error [m]", tracking.error, -LARGEST_NUMBER, LARGEST_NUMBER)
-        rounded = tracking.rounded_up()
+        rounded = tracking.round_up()
         if rounded != self._inputs.tracking:
             self._inputs = replace(self._inputs, tracking=rounded)
 
@@ -321,13 +321,13 @@ class ReactivePlanner:
 
     def hold(self, objects: Sequence[HeldObject]) -> Verdict:
         """Say what the hand holds from now on, all of it; nothing: (). Prepares the objects and takes them."""
-        return self.take_arm(self.prepared_arm(objects))
+        return self.take_arm(self.prepare_arm(objects))
 
     def change_settings(self, **changes: Any) -> Verdict:
         """Change settings by their names, those of `CHANGEABLE`: prepares the change and takes it."""
-        return self.take_arm(self.prepared_arm(None, **changes))
+        return self.take_arm(self.prepare_arm(None, **changes))
 
-    def prepared_arm(self, objects: Sequence[HeldObject] | None = None, **changes: Any) -> PreparedArm | Refusal:
+    def prepare_arm(self, objects: Sequence[HeldObject] | None = None, **changes: Any) -> PreparedArm | Refusal:
         """Do the work that takes time of holding other objects, and of changing settings: any thread may do it while
         another one ticks.
 
@@ -347,7 +347,7 @@ class ReactivePlanner:
             settings = replace(arm.solver.settings, **changes)
             held = arm.objects if objects is None else objects
             check_held(held, self.robot)
-            changed = arm.changed(held, settings)
+            changed = arm.with_changes(held, settings)
         except (RobotError, PlanningError) as error:
             return Refusal(VerdictCode.BAD_INPUT, str(error))
         if settings != arm.solver.settings:
@@ -386,7 +386,7 @@ class ReactivePlanner:
             same = query if followed.query is prepared.before and query is not None else followed.query
             outdated = followed.outdated or solver.settings != before.settings
             self._stream.followed = replace(
-                followed, query=same, asked=None, path=None, rejected=None, outdated=outdated
+                followed, query=same, last_search=None, path=None, rejected=None, outdated=outdated
             )
         names = ", ".join(held.name for held in self.held)
         return Verdict(reason=f"holding {names or 'nothing'}")
@@ -414,9 +414,9 @@ class ReactivePlanner:
     def _judged(self, reference: JointReference, begin: float) -> JudgedTrajectory:
         """A motion that the arm makes anyway, from a time [s] on, with its certificate, whatever that states."""
         certifier, required = self._arm.solver.certifier, self._arm.solver.requirements.stop
-        obstacles = self._inputs.enlarged.at(begin, self.settings.prediction)
-        certificate, _ = certifier.assess(certifier.swept(reference), obstacles, required)
-        return certifier.judged(reference, certificate)
+        obstacles = self._inputs.enlarged_obstacles.at(begin, self.settings.prediction)
+        certificate, _ = certifier.assess(certifier.sweep(reference), obstacles, required)
+        return certifier.judge(reference, certificate)
 
     def _refused(self, now: float, *deadlines: Deadline) -> Plan | None:
         """Refuse a time [s] that is none, and what is no deadline: the arm plays on what it plays."""
@@ -427,7 +427,7 @@ class ReactivePlanner:
                     raise PlanningError(f"the deadline is {deadline!r:.60}: a Deadline is needed, or NEVER")
         except PlanningError as error:
             verdict = Refusal(VerdictCode.BAD_INPUT, str(error))
-            return Plan(None, self._ticked, verdict, mode=Mode.standing(verdict))
+            return Plan(None, self._ticked, verdict, mode=Mode.from_verdict(verdict))
         return None
 
     def _checked(self, what: str, configuration: np.ndarray) -> np.ndarray | Refusal:
@@ -439,35 +439,35 @@ class ReactivePlanner:
 
     # ------------------------------------------------------------- planning
 
-    def commanded(self, time: float) -> tuple[np.ndarray, np.ndarray, np.ndarray] | None:
-        """Position, velocity and acceleration (eta,) played at `time` [s]; None before the first `stand_at`.
+    def commanded_state(self, time: float) -> tuple[np.ndarray, np.ndarray, np.ndarray] | None:
+        """Return the position, velocity and acceleration (eta,) played at `time` [s]; None before the first `stand_at`.
 
         PlanningError where that is no time.
         """
         check_time("time", time)
-        return self._stream.commanded(time)
+        return self._stream.commanded_state(time)
 
-    def playing(self, now: float) -> tuple[JointReference, float] | None:
-        """The rest of the motion that is being played, from its last knot at or before `now` [s] on, and the time of
-        that knot; None where no motion is known, or it is over. PlanningError where `now` is no time.
+    def remaining_motion(self, now: float) -> tuple[JointReference, float] | None:
+        """Return the rest of the motion that is being played, from its last knot at or before `now` [s] on, and the
+        time of that knot; None where no motion is known, or it is over. PlanningError where `now` is no time.
         """
         check_time("now", now)
-        return self._stream.playing(now)
+        return self._stream.remaining_motion(now)
 
-    def braked(self, reference: JointReference, begin: float, verdict: Refusal) -> None:
+    def record_braking(self, reference: JointReference, begin: float, verdict: Refusal) -> None:
         """Record that the arm fell back to the stop at the end of what was sent: a reference that begins at a time [s].
 
         verdict : why. The next tick plans on from that stop. PlanningError where `begin` is no time.
         """
         check_time("begin", begin)
-        self._stream.braked(self._judged(reference, begin), begin, verdict)
+        self._stream.record_braking(self._judged(reference, begin), begin, verdict)
 
-    def to_goal(self) -> tuple[JointReference, float] | None:
-        """The motion that is being played and the time of its first knot [s]; None where it leads to no goal."""
-        return self._stream.to_goal()
+    def motion_to_goal(self) -> tuple[JointReference, float] | None:
+        """Return the motion that is being played and the time of its first knot [s]; None where it leads to no goal."""
+        return self._stream.motion_to_goal()
 
     def tick(self, now: float, deadline: Deadline = NEVER, handover_deadline: Deadline = NEVER) -> Plan:
-        """One step of the stream at `now` [s]: what is to be played from `Plan.begin` on, and the verdict.
+        """Make one step of the stream at `now` [s]: return what is to be played from `Plan.begin` on, and the verdict.
 
         The verdict is DEADLINE_MISSED where
 
@@ -485,10 +485,10 @@ class ReactivePlanner:
         situation = self._situation(now, handover_deadline, deadline)
         if situation is None:
             verdict = Refusal(VerdictCode.STALE_STATE, "where the arm stands is not known yet")
-            return Plan(None, now, verdict, mode=Mode.standing(verdict))
+            return Plan(None, now, verdict, mode=Mode.from_verdict(verdict))
         mission = self._mission
         if situation.at_rest and mission.requested is not None:
-            mission = mission.activated(mission.requested, None)
+            mission = mission.activate(mission.requested, None)
         return self._commit(situation, mission, Arbiter(self._arm, situation, mission, self._memory).decide())
 
     def stop(self, now: float, verdict: Refusal, handover_deadline: Deadline = NEVER) -> Plan:
@@ -498,9 +498,9 @@ class ReactivePlanner:
             return refused
         situation = self._situation(now, handover_deadline)
         if situation is None:
-            return Plan(None, now, verdict, mode=Mode.standing(verdict))
+            return Plan(None, now, verdict, mode=Mode.from_verdict(verdict))
         mission = self._mission
-        return self._commit(situation, mission, Decision(situation.stopped(verdict), mission.query, self._memory))
+        return self._commit(situation, mission, Decision(situation.begin_stop(verdict), mission.query, self._memory))
 
     def _situation(self, now: float, handover_deadline: Deadline, deadline: Deadline = NEVER) -> Situation | None:
         """The situation of a tick at `now` [s]; None where it is not known where the arm stands."""
@@ -509,8 +509,8 @@ class ReactivePlanner:
             return None
         certifier = self._arm.solver.certifier
         return Situation(
-            self.settings, self.limits, certifier, stream.played, stream.followed, now, inputs.enlarged, deadline,
-            handover_deadline, self._reach, inputs.unchanged_since, self._earlier_limits,
+            self.settings, self.limits, certifier, stream.played, stream.followed, now, inputs.enlarged_obstacles,
+            deadline, handover_deadline, self._reach, inputs.unchanged_since, self._earlier_limits,
             self._arm.solver.tool,
         )  # fmt: skip
 
@@ -518,8 +518,8 @@ class ReactivePlanner:
         """Play a decision, and remember it: nothing else in a tick changes the planner."""
         memory = decision.memory
         if decision.detour is not None:
-            latent, obstacles = situation.state.latent, situation.expected
-            search = partial(self._arm.requested_detour, decision.detour, latent, obstacles)
+            latent, obstacles = situation.state.latent, situation.expected_obstacles
+            search = partial(self._arm.find_requested_detour, decision.detour, latent, obstacles)
             memory = replace(memory, detour=DetourSearch(self._worker.start(search, situation.now), decision.detour))
         self._mission, self._memory = replace(mission, query=decision.query), memory
         if not situation.exceeds_limits:
@@ -533,7 +533,7 @@ class ReactivePlanner:
         goal_position: np.ndarray,
         goal_quaternion: np.ndarray,
     ) -> Plan:
-        """A reference between two poses under the present obstacles; the stream of `tick` is not disturbed.
+        """Plan a reference between two poses under the present obstacles; the stream of `tick` is not disturbed.
 
         It begins at rest: in the configuration in which the arm stands, where that holds the tool in the start pose;
         else in one near those demonstrated, or near `Robot.ready`.
@@ -544,7 +544,7 @@ class ReactivePlanner:
             if isinstance(pose, Refusal):
                 return Plan(None, 0.0, pose)
             ends.append(pose)
-        commanded = self._stream.commanded(self._ticked)
+        commanded = self._stream.commanded_state(self._ticked)
         start = self._arm.queries.start_by_pose(ends[0], None if commanded is None else commanded[0])
         if isinstance(start, Refusal):
             return Plan(None, 0.0, start)
@@ -554,5 +554,5 @@ class ReactivePlanner:
         return self.plan_configurations(start, goal)
 
     def plan_configurations(self, start: np.ndarray, goal: ArmGoal) -> Plan:
-        """A reference from rest in a configuration (eta,) to a goal under the present obstacles."""
-        return self._arm.plan_from_rest(start, goal, self._inputs.enlarged, self._reach)
+        """Plan a reference from rest in a configuration (eta,) to a goal under the present obstacles."""
+        return self._arm.plan_from_rest(start, goal, self._inputs.enlarged_obstacles, self._reach)

@@ -1,5 +1,5 @@
-"""The motion of an arm: the trajectory that it plays (`PlayedTrajectory`), the plan behind that (`Followed`), and the
-outcome of one tick for both (`Step`). The `Stream` owns them; a `Situation` assesses them.
+"""The motion of an arm: the trajectory that it plays (`PlayedTrajectory`), the plan behind that (`FollowedPlan`), and
+the outcome of one tick for both (`Step`). The `Stream` owns them; a `Situation` assesses them.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from geodesic_motion_ros.planning.certificate import ArmCertifier, JudgedTraject
 from geodesic_motion_ros.planning.mode import Purpose
 from geodesic_motion_ros.planning.plan import MotionState, Plan
 from geodesic_motion_ros.planning.query import ArmQuery
-from geodesic_motion_ros.planning.retry import TIME_ROUNDING, Asked, Question, is_due
+from geodesic_motion_ros.planning.retry import TIME_ROUNDING, PastSearch, Question, is_due
 from geodesic_motion_ros.planning.search import KnownPaths, LatentPath
 from geodesic_motion_ros.planning.status import Verdict
 from geodesic_motion_ros.robot.limits import JointLimits
@@ -41,17 +41,17 @@ class PlayedTrajectory:
 
     @property
     def end(self) -> float:
-        """When the arm comes to rest [s]."""
+        """The time at which the arm comes to rest [s]."""
         return self.begin + self.reference.duration
 
     @cached_property
     def swept(self) -> SweptArm:
-        """Where it takes the arm."""
-        return self.certifier.swept(self.reference)
+        """The places to which it takes the arm."""
+        return self.certifier.sweep(self.reference)
 
-    def switch(self, earliest: float) -> float:
-        """When another one takes over, at or after a time [s]: no nearer to the knot before than may be, and at a knot
-        that would follow at once.
+    def switch_time(self, earliest: float) -> float:
+        """Return when another one takes over, at or after a time [s]: no nearer to the knot before than may be, and at
+        a knot that would follow at once.
         """
         if earliest >= self.end:
             return earliest
@@ -60,7 +60,7 @@ class PlayedTrajectory:
         return following if following > time + SAME_TIME else time
 
     def knot_before(self, time: float) -> float:
-        """The last knot at or before a time [s]; that time itself where the arm stands by then.
+        """Return the last knot at or before a time [s]; that time itself where the arm stands by then.
 
         A time near 1.8e9 s, as of today's clock, is a multiple of 0.24 us: the first of them that is not before the
         knot.
@@ -72,23 +72,25 @@ class PlayedTrajectory:
         knots = np.where(early, np.nextafter(knots, np.inf), knots)
         return float(knots[max(0, int(np.searchsorted(knots, time, side="right")) - 1)])
 
-    def state_at_switch(self, earliest: float, followed: Followed | None) -> MotionState:
-        """In what state another one takes over, at or after a time [s]; with a latent point where it is followed."""
-        time = self.switch(earliest)
+    def state_at_switch(self, earliest: float, followed: FollowedPlan | None) -> MotionState:
+        """Return in what state another one takes over, at or after a time [s]; with a latent point where it is
+        followed.
+        """
+        time = self.switch_time(earliest)
         local = time - self.begin
         latent = None if followed is None else self.reference.latent_at(local)
         return MotionState(time, *self.reference.sample(local), latent)
 
 
 @dataclass(frozen=True)
-class Followed:
+class FollowedPlan:
     """The plan behind the trajectory that is being played: its purpose, query and path, and when it was last judged.
 
     Attributes
     ----------
     purpose : what the motion is for.
     verdict : that of the plan, with the present clearance.
-    asked : the last search of a path, among the obstacles for which the motion is certified; None: it has to be
+    last_search : the last search of a path, among the obstacles for which the motion is certified; None: it has to be
         searched, and certified, anew.
     path, optimistic : as of `Plan`.
     remaining : how much of the path to a covered goal an approach leaves [m]; inf with every other purpose.
@@ -100,7 +102,7 @@ class Followed:
     query: ArmQuery
     purpose: Purpose
     verdict: Verdict
-    asked: Asked | None
+    last_search: PastSearch | None
     path: LatentPath | None = None
     optimistic: bool = False
     remaining: float = math.inf
@@ -109,7 +111,7 @@ class Followed:
     slowed: JointLimits | None = None
 
     @classmethod
-    def begun(
+    def of(
         cls,
         query: ArmQuery,
         plan: Plan,
@@ -117,13 +119,13 @@ class Followed:
         now: float,
         purpose: Purpose = Purpose.GOAL,
         remaining: float = math.inf,
-    ) -> Followed:
-        """A plan that was made among obstacles at `now` [s], and is followed from now on."""
-        asked = Asked(Question(query, obstacles), now)
-        return cls(query, purpose, plan.verdict, asked, plan.path, plan.optimistic, remaining)
+    ) -> FollowedPlan:
+        """Return the record of a plan that was made among obstacles at `now` [s], and is followed from now on."""
+        search = PastSearch(Question(query, obstacles), now)
+        return cls(query, purpose, plan.verdict, search, plan.path, plan.optimistic, remaining)
 
     @property
-    def known(self) -> KnownPaths | None:
+    def known_paths(self) -> KnownPaths | None:
         """Paths that are no gain where the search finds them again."""
         return None if self.path is None else KnownPaths(self.path, self.rejected)
 
@@ -131,12 +133,12 @@ class Followed:
         """Whether the motion needs neither a new certificate nor another search: obstacles stand, and are those for
         which it was certified, and a better path was searched among them to the end.
         """
-        asked = self.asked
-        return asked is not None and asked.answered and asked.question.holds_for(Question(self.query, obstacles))
+        search = self.last_search
+        return search is not None and search.is_answered and search.question.holds_for(Question(self.query, obstacles))
 
     def is_due(self, obstacles: Obstacles, now: float) -> bool:
         """Whether a better path is to be searched among obstacles at a time [s]."""
-        return is_due(self.asked, Question(self.query, obstacles), now, constants.SEARCH_PERIOD)
+        return is_due(self.last_search, Question(self.query, obstacles), now, constants.SEARCH_PERIOD)
 
 
 @dataclass(frozen=True)
@@ -144,4 +146,4 @@ class Step:
     """The outcome of one tick for the stream: the plan that is answered, and the plan that is followed from then on."""
 
     plan: Plan
-    followed: Followed | None
+    followed: FollowedPlan | None

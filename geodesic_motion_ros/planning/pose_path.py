@@ -57,7 +57,7 @@ class DecodedPath(PoseCurve):
 
 
 class PosePathPlanner:
-    """Plans paths of tool poses on one task-space skill among the obstacles set last."""
+    """A planner of paths of tool poses on one task-space skill among the obstacles set last."""
 
     def __init__(self, skill: Skill, settings: PlannerSettings | None = None) -> None:
         self.skill = skill
@@ -97,7 +97,7 @@ class PosePathPlanner:
         goal_position: np.ndarray,
         goal_quaternion: np.ndarray,
     ) -> PosePath | Refusal:
-        """The path between two poses, (3,) [m] and (4,) each, or why there is none.
+        """Plan the path between two poses, (3,) [m] and (4,) each, or why there is none.
 
         BAD_INPUT, START_OUT_OF_SUPPORT, GOAL_OUT_OF_SUPPORT: as of `query`. IN_COLLISION: the tool overlaps an obstacle
         at the start. NO_FEASIBLE_PATH: an obstacle covers the goal, or no path is certified.
@@ -122,7 +122,7 @@ class PosePathPlanner:
         goal_position: np.ndarray,
         goal_quaternion: np.ndarray,
     ) -> PoseQuery | Refusal:
-        """The graph transported to a start and a goal, as of `plan`, or why it cannot be.
+        """Return the graph transported to a start and a goal, as of `plan`, or why it cannot be.
 
         BAD_INPUT: numbers that are not finite, or not of a pose. START_OUT_OF_SUPPORT, GOAL_OUT_OF_SUPPORT: a pose too
         far from what was demonstrated.
@@ -159,7 +159,7 @@ class PosePathPlanner:
 
     def _certified(self, query: PoseQuery, found: LatentPath, widths: tuple[float, float]) -> PosePath | Refusal:
         """Smooth and decode a latent path, meet both ends exactly, and judge the poses."""
-        path = smoothed_path(self.graph, query, found.polyline, widths)
+        path = smooth_path(self.graph, query, found.polyline, widths)
         start, goal = ((pose.position, pose.quaternion) for pose in (query.start, query.goal))
         correction = max(float(np.linalg.norm(path.positions[at] - end[0])) for at, end in ((0, start), (-1, goal)))
         curve = PoseCurve(*correct_ends(path.positions, path.quaternions, start, goal))
@@ -181,7 +181,7 @@ class PosePathPlanner:
 
 
 def checked_spheres(centres: np.ndarray, radii: np.ndarray) -> Obstacles | Refusal:
-    """Spheres, centres (o, 3) and radii (o,) [m], as obstacles; BAD_INPUT where the shapes are others."""
+    """Return spheres, centres (o, 3) and radii (o,) [m], as obstacles; BAD_INPUT where the shapes are others."""
     centres, radii = np.array(centres, dtype=float), np.array(radii, dtype=float)
     if centres.size == radii.size == 0:
         return Obstacles.none()
@@ -192,28 +192,29 @@ def checked_spheres(centres: np.ndarray, radii: np.ndarray) -> Obstacles | Refus
 
 
 def evaluation_of(query: PoseQuery, obstacles: Obstacles, settings: PlannerSettings) -> NodeEvaluation:
-    """The query's graph among obstacles, for searches with any of the margins of `MARGIN_MULTIPLES`."""
+    """Return the query's graph among obstacles, for searches with any of the margins of `MARGIN_MULTIPLES`."""
     return NodeEvaluation.of(
         query.body, obstacles, settings.ambient_strength, settings.ambient_width_ratio,
         max(MARGIN_MULTIPLES) * settings.obstacle_margin, settings.ambient_law,
     )  # fmt: skip
 
 
-def decoded_path(graph: PoseGraph, query: PoseQuery, latent: np.ndarray) -> DecodedPath:
-    """The poses that latent points (m, d) stand for between the query's ends."""
+def decode_path(graph: PoseGraph, query: PoseQuery, latent: np.ndarray) -> DecodedPath:
+    """Return the poses that latent points (m, d) stand for between the query's ends."""
     decoded = graph.decoder.decode(latent)
     displacements = query.offsets.displacements(*graph.progress_map(latent))
     positions, quaternions = carried(decoded.positions, decoded.quaternions, displacements)
     return DecodedPath(positions, continuous_signs(quaternions), latent, decoded.sigma)
 
 
-def smoothed_path(graph: PoseGraph, query: PoseQuery, polyline: np.ndarray, widths: tuple[float, float]) -> DecodedPath:
-    """A latent polyline (p, d), smoothed, decoded and smoothed again; it begins in the hemisphere of the query's start.
+def smooth_path(graph: PoseGraph, query: PoseQuery, polyline: np.ndarray, widths: tuple[float, float]) -> DecodedPath:
+    """Smooth a latent polyline (p, d), decode it, and smooth it again; it begins in the hemisphere of the query's
+    start.
 
     widths : of both smoothings, in grid steps; the path has a sample for each step.
     """
     step = graph.grid.step
-    path = decoded_path(graph, query, smooth_latent(resample_latent(polyline, step), widths[0]))
+    path = decode_path(graph, query, smooth_latent(resample_latent(polyline, step), widths[0]))
     positions, quaternions = smooth_poses(path.positions, path.quaternions, widths[1])
     if quaternions[0] @ query.start.quaternion < 0.0:
         quaternions = -quaternions

@@ -62,7 +62,7 @@ class Posture:
     nulls: np.ndarray
 
     def at(self, progress: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """q^ and n, (k, eta) each, at progress (k,)."""
+        """Return q^ and n, (k, eta) each, at progress (k,)."""
         configurations, nulls = (
             interpolated(progress, self.progress, table) for table in (self.configurations, self.nulls)
         )
@@ -101,7 +101,7 @@ class SolvedPath:
 
 
 def swivel_steps(angle: float, samples: int) -> np.ndarray:
-    """Steps (samples,) [rad] along the null vectors by which an arm that sets out swivels by an angle."""
+    """Return steps (samples,) [rad] along the null vectors by which an arm that sets out swivels by an angle."""
     share = np.clip(np.linspace(0.0, 1.0, samples) / SWIVELLED_AT, 0.0, 1.0)
     turned = angle * share**2 * (3.0 - 2.0 * share)
     return np.diff(turned, prepend=0.0)
@@ -145,7 +145,8 @@ def solve_nodes(
     first: np.ndarray,
     neighbour: np.ndarray,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Configurations (n, eta) of a graph's nodes, and which of them (n,) hold their pose within the joints' limits.
+    """Return configurations (n, eta) of a graph's nodes, and which of them (n,) hold their pose within the joints'
+    limits.
 
     Each follows from a neighbour's, along a spanning tree that grows breadth first from the seeds (s,): nodes on the
     base path, which follow from the posture. Nodes that are not reached have the posture's own configuration.
@@ -311,7 +312,9 @@ def _null_vector(q: np.ndarray, before: np.ndarray, chain: Chain) -> np.ndarray:
 
 @numba.njit(cache=True, nogil=True)
 def null_vectors(configurations: np.ndarray, chain: Chain) -> np.ndarray:
-    """Unit null vectors (n, eta) of the tool's Jacobian along a path (n, eta), each on the side of the one before."""
+    """Return unit null vectors (n, eta) of the tool's Jacobian along a path (n, eta), each on the side of the one
+    before.
+    """
     result = np.zeros(configurations.shape)
     null = np.zeros(configurations.shape[1])
     for i in range(len(configurations)):

@@ -1,7 +1,7 @@
 """Requirement: what a motion must satisfy before it is played, and to go on being played. This is the safety contract.
 
-Clearances are those from obstacles that are enlarged by all that may be wrong with their positions (`Inputs.enlarged`).
-Besides, no motion but a stop may touch the arm itself or enter the declared scene.
+Clearances are those from obstacles that are enlarged by all that may be wrong with their positions
+(`Inputs.enlarged_obstacles`). Besides, no motion but a stop may touch the arm itself or enter the declared scene.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ class Margin:
     share: float = math.inf
 
     def of(self, present: float = math.inf) -> float:
-        """The margin [m] where the clearance is `present` [m] already."""
+        """Return the margin [m] where the clearance is `present` [m] already."""
         return self.clearance if math.isinf(self.share) else min(self.clearance, self.share * present)
 
 
@@ -35,7 +35,7 @@ NO_CONTACT = Margin(0.0)
 
 @dataclass(frozen=True)
 class Requirement:
-    """What is required of one kind of motion.
+    """The requirement of one kind of motion.
 
     Attributes
     ----------
@@ -51,11 +51,11 @@ class Requirement:
     stands_after: bool = True
 
     def margin(self, obstacles: Obstacles, present: float = math.inf) -> float:
-        """What a certificate among obstacles requires [m]; present : the clearance that there is already [m]."""
+        """Return what a certificate among obstacles requires [m]; present : the clearance that there is already [m]."""
         return 0.0 if obstacles.is_static else self.certified.of(present)
 
     def until(self, time: float) -> Requirement:
-        """The requirement of a motion that has to be free until a time [s] of it, and no longer."""
+        """Return the requirement of a motion that has to be free until a time [s] of it, and no longer."""
         return replace(self, horizon=time)
 
 
@@ -86,8 +86,8 @@ class Requirements:
     later_stop: Margin
 
     def to_go_on(self, purpose: Purpose, optimistic: bool) -> Requirement:
-        """The requirement of a motion that is followed already, but of a stop: no contact, as to pass an obstacle
-        narrowly is better than to stop there.
+        """Return the requirement of a motion that is followed already, but of a stop: no contact, as to pass an
+        obstacle narrowly is better than to stop there.
         """
         begun = {
             Purpose.GOAL: self.optimistic if optimistic else self.goal, Purpose.EVASION: self.evasion,
@@ -97,7 +97,7 @@ class Requirements:
 
     @classmethod
     def of(cls, settings: PlannerSettings) -> Requirements:
-        """The requirements with a user's settings."""
+        """Return the requirements with a user's settings."""
         margin, horizon = settings.obstacle_margin, settings.prediction
         moving = constants.DYNAMIC_MARGIN_FACTOR * margin
         goal = Requirement(Margin(margin, 0.5), Margin(moving, 0.5), horizon)

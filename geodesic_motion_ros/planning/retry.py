@@ -2,7 +2,7 @@
 
 One rule serves every search (`is_due`): it is made at once where it was not made for this query yet; never again while
 all that its answer depends on is as it was; and else a period later. The attempts of an arm without a path have turns
-besides, one in each tick (`AttemptMemory.chosen_attempts`). What a search that was out of time has evaluated of the
+besides, one in each tick (`AttemptMemory.choose_attempts`). What a search that was out of time has evaluated of the
 graph's nodes serves the next one among the same obstacles (`Workings`).
 """
 
@@ -56,17 +56,17 @@ class Question:
 
 
 @dataclass(frozen=True, eq=False)
-class Asked:
+class PastSearch:
     """A search that was made: its question, when it was made [s], and whether that has its answer: not where it was out
     of time, or what is followed has to be replaced.
     """
 
     question: Question
     time: float
-    answered: bool = True
+    is_answered: bool = True
 
 
-def is_due(last: Asked | None, question: Question, now: float, period: float) -> bool:
+def is_due(last: PastSearch | None, question: Question, now: float, period: float) -> bool:
     """Whether a search is made at `now` [s] with a question.
 
     last : the last time that it was made; None: never. period : how often its answer is worth another search, where
@@ -74,13 +74,13 @@ def is_due(last: Asked | None, question: Question, now: float, period: float) ->
     """
     if last is None or last.question.about is not question.about:
         return True
-    answered = last.answered and last.question.holds_for(question)
+    answered = last.is_answered and last.question.holds_for(question)
     return not answered and now >= last.time + period - TIME_ROUNDING
 
 
 @dataclass(eq=False)
 class Workings:
-    """What searches have worked out that the next ones need not repeat. A tick works on a copy, and remembers that.
+    """The results of searches that the next ones need not repeat. A tick works on a copy, and remembers that.
 
     Attributes
     ----------
@@ -92,26 +92,26 @@ class Workings:
     timed_from: tuple[ArmQuery, MotionState] | None = None
     motions: dict[tuple[bytes, bool, float], TimedPath | Refusal] = field(default_factory=dict)
 
-    def copied(self) -> Workings:
-        """The same, for one tick to go on with."""
-        return Workings(None if self.begun is None else self.begun.copied(), self.timed_from, dict(self.motions))
+    def copy(self) -> Workings:
+        """Return the same, for one tick to go on with."""
+        return Workings(None if self.begun is None else self.begun.copy(), self.timed_from, dict(self.motions))
 
     def take_begun(self, body: NodeBody, obstacles: Obstacles) -> BegunSearch | None:
         """Take the search of a body among obstacles that was out of time; None where there is none."""
         begun, self.begun = self.begun, None
         return begun if begun is not None and begun.is_of(body, obstacles) else None
 
-    def timed(
+    def time_path(
         self, timer: PathTimer, query: ArmQuery, state: MotionState, path: LatentPath, to_goal: bool, longest: float
     ) -> TimedPath | Refusal:
-        """Time a path once for a query and a state of motion (`PathTimer.timed`): an arm that waits finds the same
+        """Time a path once for a query and a state of motion (`PathTimer.time_path`): an arm that waits finds the same
         paths each time.
         """
         if not self._are_from(query, state) or len(self.motions) >= _MOST_REMEMBERED:
             self.timed_from, self.motions = (query, state), {}
         key = path.polyline.tobytes(), to_goal, longest
         if key not in self.motions:
-            self.motions[key] = timer.timed(query, state, path, to_goal, longest)
+            self.motions[key] = timer.time_path(query, state, path, to_goal, longest)
         return self.motions[key]
 
     def _are_from(self, query: ArmQuery, state: MotionState) -> bool:

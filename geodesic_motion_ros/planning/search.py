@@ -81,7 +81,8 @@ def cheapest_path(
     margin: float,
     deadline: Deadline = NEVER,
 ) -> LatentPath | Refusal:
-    """The cheapest path from a latent point (d,) to the goal's node that keeps a margin [m], or why there is none.
+    """Return the cheapest path from a latent point (d,) to the goal's node that keeps a margin [m], or why there is
+    none.
 
     Paths that cost more than the query's limit are none: they would lead all along obstacles, or far around them. The
     goal's node is not evaluated: the caller has found the goal itself free, and the node is at the goal but for
@@ -130,7 +131,7 @@ def _entry(
 
 @dataclass(frozen=True, eq=False)
 class BegunSearch:
-    """What a search has evaluated of a graph's nodes, among which obstacles, which stand.
+    """The evaluation that a search has made of a graph's nodes, among which obstacles, which stand.
 
     unfinished : whether a search with it was out of time: the next one among the same obstacles goes on with it.
     """
@@ -143,13 +144,13 @@ class BegunSearch:
         """Whether the evaluation is of a body among obstacles."""
         return self.evaluation.body is body and self.obstacles.is_static_and_unchanged(obstacles)
 
-    def copied(self) -> BegunSearch:
-        """The same, for another search to go on with: what that evaluates is not written here."""
+    def copy(self) -> BegunSearch:
+        """Return the same, for another search to go on with: what that evaluates is not written here."""
         return replace(self, evaluation=self.evaluation.copied())
 
 
 class MarginSearch:
-    """Finds the cheapest path with several margins, and searches each of them once."""
+    """A search of the cheapest path with several margins, each of which is made once."""
 
     def __init__(
         self,
@@ -170,11 +171,11 @@ class MarginSearch:
         self._paths: dict[float, LatentPath | Refusal] = {}
 
     def margin(self, multiple: float) -> float:
-        """The clearance that is kept from obstacles [m], for a multiple of the setting `obstacle_margin`."""
+        """Return the clearance that is kept from obstacles [m], for a multiple of the setting `obstacle_margin`."""
         return min(multiple * self._settings.obstacle_margin, self._largest)
 
     def path(self, multiple: float) -> LatentPath | Refusal:
-        """The cheapest path that keeps a multiple of the setting `obstacle_margin`, or why there is none."""
+        """Return the cheapest path that keeps a multiple of the setting `obstacle_margin`, or why there is none."""
         margin = self.margin(multiple)
         if margin not in self._paths:
             self._paths[margin] = cheapest_path(
@@ -182,8 +183,10 @@ class MarginSearch:
             )
         return self._paths[margin]
 
-    def refined(self, path: LatentPath, multiple: float) -> LatentPath:
-        """A path refined to a continuous one with the same margin; as it is, where the setting `refine` is off."""
+    def refine(self, path: LatentPath, multiple: float) -> LatentPath:
+        """Refine a path to a continuous one with the same margin; return it as it is, where the setting `refine` is
+        off.
+        """
         if not self._settings.refine:
             return path
         margin = self.margin(multiple)

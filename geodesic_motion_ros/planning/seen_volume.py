@@ -1,4 +1,4 @@
-"""SeenVolume: where a detour may lead an arm whose obstacle source does not see everything.
+"""SeenVolume, in which a detour may lead an arm whose obstacle source does not see everything.
 
 A sphere of the arm is inside where
 
@@ -53,12 +53,13 @@ class SeenVolume(NamedTuple):
 
     @classmethod
     def unbounded(cls) -> SeenVolume:
-        """Everything is seen."""
+        """Return the volume of everything."""
         return cls(True, no_solids(), np.empty((0, 0, 3)))
 
     @classmethod
-    def beside(cls, base: np.ndarray, boxes: np.ndarray, robot: Robot, collision: CollisionModel) -> SeenVolume:
-        """Boxes (b, 16), and what an arm passes along configurations (k, eta) of a base path."""
+    def of_base_path(cls, base: np.ndarray, boxes: np.ndarray, robot: Robot, collision: CollisionModel) -> SeenVolume:
+        """Return the volume of boxes (b, 16), and of what an arm passes along configurations (k, eta) of a base path.
+        """
         steps = np.linalg.norm(np.diff(collision.positions(robot, base), axis=0), axis=2)
         lengths = np.append(0.0, np.cumsum(np.max(steps, axis=1)))
         even = np.linspace(0.0, lengths[-1], math.ceil(lengths[-1] / _SPACING) + 1)
@@ -68,7 +69,7 @@ class SeenVolume(NamedTuple):
 
 @numba.njit(cache=True, nogil=True)
 def seen_depth(x: float, y: float, z: float, sphere: int, radius: float, seen: SeenVolume, wanted: float) -> float:
-    """How deep [m] a sphere of the arm with its centre at a point is inside, negative where it sticks out.
+    """Return how deep [m] a sphere of the arm with its centre at a point is inside, negative where it sticks out.
 
     It changes by no more than the centre moves. Where it is not below `wanted` [m] it may be any number from there on
     up to what it is.
@@ -106,8 +107,8 @@ def is_inside(
 def first_unseen(
     placed: np.ndarray, bulges: np.ndarray, radii: np.ndarray, moving: np.ndarray, seen: SeenVolume
 ) -> tuple[int, int]:
-    """The first interval between knots in which a sphere of `moving` (k,) may not be inside, and that sphere; -1, -1
-    where all always are.
+    """Return the first interval between knots in which a sphere of `moving` (k,) may not be inside, and that sphere;
+    -1, -1 where all always are.
 
     Parameters
     ----------

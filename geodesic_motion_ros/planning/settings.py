@@ -270,7 +270,7 @@ class PlannerSettings:
     )  # fmt: skip
 
     def tool_limits(self, default: ToolLimits) -> ToolLimits:
-        """Limits of the tool: by default those of the skill's space."""
+        """Return limits of the tool: by default those of the skill's space."""
         chosen = {field.name: getattr(self, field.name) for field in fields(ToolLimits)}
         return replace(default, **{name: value for name, value in chosen.items() if value is not None})
 

@@ -19,7 +19,7 @@ from geodesic_motion_ros.planning import settings as constants
 from geodesic_motion_ros.planning.certificate import ArmCertifier, Certificate, SweptArm, SweptSpheres
 from geodesic_motion_ros.planning.mode import Mode, Purpose
 from geodesic_motion_ros.planning.plan import MotionState, Plan
-from geodesic_motion_ros.planning.played import Followed, PlayedTrajectory, Step
+from geodesic_motion_ros.planning.played import FollowedPlan, PlayedTrajectory, Step
 from geodesic_motion_ros.planning.query import ArmQuery
 from geodesic_motion_ros.planning.requirement import Requirement, Requirements
 from geodesic_motion_ros.planning.retry import Question
@@ -51,7 +51,8 @@ class Situation:
 
     Attributes
     ----------
-    obstacles : as they were received, enlarged by all that may be wrong with their positions (`Inputs.enlarged`).
+    obstacles : as they were received, enlarged by all that may be wrong with their positions
+        (`Inputs.enlarged_obstacles`).
     played, followed : as of `Stream`.
     deadline : nothing new is begun after it. handover_deadline : a trajectory that is found after it would take over in
         the past.
@@ -65,7 +66,7 @@ class Situation:
     limits: JointLimits
     certifier: ArmCertifier
     played: PlayedTrajectory
-    followed: Followed | None
+    followed: FollowedPlan | None
     now: float
     obstacles: Obstacles
     deadline: Deadline = NEVER
@@ -87,7 +88,7 @@ class Situation:
 
     @cached_property
     def requirements(self) -> Requirements:
-        """What motions must satisfy."""
+        """The requirements that motions must satisfy."""
         return Requirements.of(self.settings)
 
     @cached_property
@@ -96,13 +97,13 @@ class Situation:
         return self.played.state_at_switch(self.now + self.settings.latency, self.followed)
 
     @cached_property
-    def expected(self) -> Obstacles:
+    def expected_obstacles(self) -> Obstacles:
         """Obstacles where they are expected to be by then."""
         return self.obstacles.at(self.state.time, self.settings.prediction)
 
     @cached_property
-    def left(self) -> SweptArm:
-        """Where what is being played takes the arm from then on."""
+    def remaining_sweep(self) -> SweptArm:
+        """The places to which what is being played takes the arm from then on."""
         return self.played.swept.since(self.state.time - self.played.begin)
 
     @cached_property
@@ -133,12 +134,13 @@ class Situation:
     def _clearance_while_stopping(self, swept: SweptArm) -> float:
         """Least clearance [m] of a stop until the one along the path would be over."""
         over = self.stop.reference.duration
-        certificate, _ = self.certifier.assess(swept.lasting(over), self.expected, self.requirements.stop.until(over))
+        required = self.requirements.stop.until(over)
+        certificate, _ = self.certifier.assess(swept.stand_until(over), self.expected_obstacles, required)
         return float(np.min(certificate.clearance))
 
     def _certified_stop(self, reference: JointReference) -> Stop:
-        swept, required = self.certifier.swept(reference), self.requirements.stop
-        certificate, _ = self.certifier.assess(swept.lasting(required.horizon), self.expected, required)
+        swept, required = self.certifier.sweep(reference), self.requirements.stop
+        certificate, _ = self.certifier.assess(swept.stand_until(required.horizon), self.expected_obstacles, required)
         return Stop(reference, swept, certificate)
 
     @property
@@ -168,38 +170,40 @@ class Situation:
         if required not in self._met_without_evasion:
             followed = self.followed
             on_path = followed is not None and followed.purpose in (Purpose.GOAL, Purpose.APPROACH)
-            left = self.stop.swept if on_path and not self.at_rest else self.left
-            self._met_without_evasion[required] = not self.certifier.assess(left, self.expected, required)[1]
+            left = self.stop.swept if on_path and not self.at_rest else self.remaining_sweep
+            self._met_without_evasion[required] = not self.certifier.assess(left, self.expected_obstacles, required)[1]
         return self._met_without_evasion[required]
 
     @cached_property
     def _met_without_evasion(self) -> dict[Requirement, bool]:
         return {}
 
-    def following(self, query: ArmQuery | None) -> Followed | None:
-        """The plan that is being followed, where it leads to the goal of a query; None elsewhere."""
+    def followed_to(self, query: ArmQuery | None) -> FollowedPlan | None:
+        """Return the plan that is being followed, where it leads to the goal of a query; None elsewhere."""
         followed = self.followed
         if followed is None or followed.query is not query:
             return None
         return followed if followed.purpose is Purpose.GOAL else None
 
-    def free_path(self, query: ArmQuery) -> Followed | None:
-        """The plan that is being followed to the goal of a query, with its present clearance, where the rest of its
-        path is free and the arm can stop on it; None elsewhere.
+    def free_path(self, query: ArmQuery) -> FollowedPlan | None:
+        """Return the plan that is being followed to the goal of a query, with its present clearance, where the rest of
+        its path is free and the arm can stop on it; None elsewhere.
         """
-        followed = self.following(query)
+        followed = self.followed_to(query)
         if followed is None:
             return None
-        clearance = self.clearance_left()
+        clearance = self.remaining_clearance()
         if clearance is None:
             return None
         return replace(followed, verdict=followed.verdict.with_figures(clearance=clearance))
 
-    def clearance_left(self) -> float | None:
-        """Least clearance [m] of the rest of the trajectory that is being played; None where it does not meet what is
-        required to go on, or may not be followed (`may_follow`).
+    def remaining_clearance(self) -> float | None:
+        """Return the least clearance [m] of the rest of the trajectory that is being played; None where it does not
+        meet what is required to go on, or may not be followed (`may_follow`).
         """
-        certificate, objection = self.certifier.assess(self.left, self.expected, self._required_to_go_on)
+        certificate, objection = self.certifier.assess(
+            self.remaining_sweep, self.expected_obstacles, self._required_to_go_on
+        )
         if self.settings.avoidance and objection:
             return None
         return float(np.min(certificate.clearance)) if self.may_follow(self.played) else None
@@ -211,7 +215,7 @@ class Situation:
         return self.requirements.to_go_on(self.followed.purpose, self.followed.optimistic)
 
     def require_a_stop(self, plan: Plan) -> Plan:
-        """A plan, or its refusal where it may not be followed (`may_follow`)."""
+        """Return a plan, or its refusal where it may not be followed (`may_follow`)."""
         if plan.trajectory is None or self._may_follow_plan(plan, self.limits):
             return plan
         reason = "on the best path the arm could not stop any more where what moves may come to a stand"
@@ -235,22 +239,22 @@ class Situation:
 
         limits : that the candidate keeps; None: those that what is being played keeps.
         """
-        if self.expected.is_static or not self.settings.avoidance:
+        if self.expected_obstacles.is_static or not self.settings.avoidance:
             return True
         margin = self.requirements.later_stop.of()
         begin = self.state.time + constants.REPLAN_DELAY
         stopping = self._stopping(candidate, begin, limits or self._played_limits)
-        later = self.certifier.swept_spheres(stopping)
+        later = self.certifier.sweep_spheres(stopping)
         if self._room_of(later, constants.REPLAN_DELAY) > margin or self._room_of(self.stop.swept, 0.0) <= 0.0:
             return True
         return bool(np.min(self.stop.certificate.clearance) <= 0.0)
 
     def _room_of(self, stop: SweptSpheres, later: float) -> float:
         """Least distance [m] of a stop, which begins `later` [s] than now, from where obstacles may halt by its end."""
-        places = self.expected.stopping_places(later + stop.times[-1], constants.STOP_POSITION_SAMPLES)
+        places = self.expected_obstacles.stopping_places(later + stop.times[-1], constants.STOP_POSITION_SAMPLES)
         return self.certifier.room(stop, places)
 
-    def gains(self, plan: Plan, followed: Followed) -> bool:
+    def is_gain(self, plan: Plan, followed: FollowedPlan) -> bool:
         """Whether a new plan takes clearly less time than what is being followed, or is not optimistic, as that is, or
         that is outdated.
         """
@@ -264,35 +268,35 @@ class Situation:
         """Duration [s] below which another path leads to the goal clearly sooner than what is being played."""
         return (self.played.end - self.state.time) / constants.WORTHWHILE_RATIO
 
-    def longest_worthwhile(self, followed: Followed) -> float:
-        """Duration [s] from which on a new path is no gain over what is being followed; inf over an optimistic one, or
-        one that is outdated.
+    def longest_worthwhile(self, followed: FollowedPlan) -> float:
+        """Return the duration [s] from which on a new path is no gain over what is being followed; inf over an
+        optimistic one, or one that is outdated.
         """
         return math.inf if followed.optimistic or followed.outdated else self._worthwhile
 
     def mode(self, step: Step) -> Mode:
-        """The mode of the arm after a step."""
+        """Return the mode of the arm after a step."""
         followed, verdict = step.followed, step.plan.verdict
         moves = step.plan.trajectory is not None or not self.at_rest
         if followed is not None and moves:
-            return Mode.moving(followed.purpose)
-        return Mode.standing(verdict)
+            return Mode.from_purpose(followed.purpose)
+        return Mode.from_verdict(verdict)
 
     # ------------------------------------------------------------------- steps
 
-    def answered(self, verdict: Verdict, followed: Followed | None = None) -> Step:
-        """The step in which the arm goes on playing what it plays.
+    def go_on(self, verdict: Verdict, followed: FollowedPlan | None = None) -> Step:
+        """Return the step in which the arm goes on playing what it plays.
 
         followed : the present plan with its present clearance; None: that was not worked out, and the plan stays as it
             is.
         """
         return Step(Plan(None, self.now, verdict), followed or self.followed)
 
-    def handed_out(self, plan: Plan, followed: Followed, before: Followed | None = None) -> Step:
-        """The step in which a plan's trajectory takes over from what is being played; too late for that, the verdict
-        DEADLINE_MISSED alone.
+    def hand_out(self, plan: Plan, followed: FollowedPlan, before: FollowedPlan | None = None) -> Step:
+        """Return the step in which a plan's trajectory takes over from what is being played; too late for that, the
+        verdict DEADLINE_MISSED alone.
 
-        followed : the new plan. before : the present one, as of `answered`.
+        followed : the new plan. before : the present one, as of `go_on`.
         """
         if not self.handover_deadline.passed:
             return Step(plan, followed)
@@ -300,37 +304,37 @@ class Situation:
             "what was found would take over in the past: the tick took longer than the setting latency, "
             f"{self.settings.latency:g} s, leaves; more latency, or a less busy machine, would do"
         )
-        return self.answered(Refusal(VerdictCode.DEADLINE_MISSED, reason), before)
+        return self.go_on(Refusal(VerdictCode.DEADLINE_MISSED, reason), before)
 
-    def still_evading(self) -> Step | None:
-        """The step in which an arm goes on evading, where there is no time to search another path: as long as the rest
-        of the evasion path is free, and the arm can still stop on it. None where that is not so, where no obstacle
-        moves any more, or where the arm does not evade.
+    def go_on_evading(self) -> Step | None:
+        """Return the step in which an arm goes on evading, where there is no time to search another path: as long as
+        the rest of the evasion path is free, and the arm can still stop on it. None where that is not so, where no
+        obstacle moves any more, or where the arm does not evade.
         """
         followed = self.followed
         if followed is None or followed.purpose is not Purpose.EVASION or self.obstacles.is_static:
             return None
-        clearance = self.clearance_left()
-        return None if clearance is None else self.answered(followed.verdict.with_figures(clearance=clearance))
+        clearance = self.remaining_clearance()
+        return None if clearance is None else self.go_on(followed.verdict.with_figures(clearance=clearance))
 
-    def still_approaching(self, query: ArmQuery, verdict: Verdict) -> Step | None:
-        """The step in which an arm goes on with its approach to a query's goal, as long as the rest of it is free and
-        the arm can stop on it; None where that is not so, or the arm does not approach.
+    def go_on_approaching(self, query: ArmQuery, verdict: Verdict) -> Step | None:
+        """Return the step in which an arm goes on with its approach to a query's goal, as long as the rest of it is
+        free and the arm can stop on it; None where that is not so, or the arm does not approach.
 
         verdict : why there is no path for the query; the plan's verdict states the same.
         """
         followed = self.followed
         if followed is None or followed.purpose is not Purpose.APPROACH or followed.query is not query or self.at_rest:
             return None
-        clearance = self.clearance_left()
+        clearance = self.remaining_clearance()
         if clearance is None:
             return None
         verdict = verdict.with_figures(clearance=clearance)
-        return self.answered(verdict, replace(followed, verdict=verdict))
+        return self.go_on(verdict, replace(followed, verdict=verdict))
 
-    def slowed(self) -> Step | None:
-        """The step in which the arm slows down on its path until it keeps the limits, which have been lowered; None
-        where it follows none, where that is begun already, or would meet an obstacle.
+    def slow_down(self) -> Step | None:
+        """Return the step in which the arm slows down on its path until it keeps the limits, which have been lowered;
+        None where it follows none, where that is begun already, or would meet an obstacle.
         """
         followed = self.followed
         if followed is None or followed.purpose is Purpose.STOP or followed.slowed is self.limits:
@@ -340,33 +344,34 @@ class Situation:
         if slower is None:
             return None
         certificate, objection = self.certifier.assess(
-            self.certifier.swept(slower), self.expected, self._required_to_go_on
+            self.certifier.sweep(slower), self.expected_obstacles, self._required_to_go_on
         )
         if self.settings.avoidance and objection:
             return None
         verdict = followed.verdict.with_figures(clearance=float(np.min(certificate.clearance)))
-        plan = Plan(self.certifier.judged(slower, certificate), self.state.time, verdict)
+        plan = Plan(self.certifier.judge(slower, certificate), self.state.time, verdict)
         if not self._may_follow_plan(plan, self._played_limits):
             return None
-        asked = followed.asked
-        if asked is not None:
-            asked = replace(asked, question=Question(followed.query, self.obstacles))
-        return self.handed_out(plan, replace(followed, verdict=verdict, asked=asked, slowed=self.limits), followed)
+        search = followed.last_search
+        if search is not None:
+            search = replace(search, question=Question(followed.query, self.obstacles))
+        return self.hand_out(plan, replace(followed, verdict=verdict, last_search=search, slowed=self.limits), followed)
 
-    def stopped(self, verdict: Verdict, followed: Followed | None = None) -> Step:
-        """The step in which the arm begins the soonest stop; an arm that stops already, or rests, goes on doing so.
+    def begin_stop(self, verdict: Verdict, followed: FollowedPlan | None = None) -> Step:
+        """Return the step in which the arm begins the soonest stop; an arm that stops already, or rests, goes on doing
+        so.
 
-        followed : as of `answered`.
+        followed : as of `go_on`.
         """
         followed = followed or self.followed
         if followed is None or followed.purpose is Purpose.STOP or self.at_rest:
-            return self.answered(verdict, followed)
+            return self.go_on(verdict, followed)
         stop = self.widest_stop
         certificate = stop.certificate
         objection = self.certifier.objection(certificate)
         verdict = verdict.with_figures(clearance=float(np.min(certificate.clearance)))
         if objection and self.settings.avoidance:
             verdict = verdict.with_remark(f"while stopping, {objection}")
-        plan = Plan(self.certifier.judged(stop.reference, certificate), self.state.time, verdict)
-        begun = Followed.begun(followed.query, plan, self.obstacles, self.now, Purpose.STOP)
-        return self.handed_out(plan, begun, followed)
+        plan = Plan(self.certifier.judge(stop.reference, certificate), self.state.time, verdict)
+        begun = FollowedPlan.of(followed.query, plan, self.obstacles, self.now, Purpose.STOP)
+        return self.hand_out(plan, begun, followed)

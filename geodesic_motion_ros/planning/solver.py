@@ -21,7 +21,7 @@ from geodesic_motion_ros.planning.arm_clearance import nearest_obstacle, obstacl
 from geodesic_motion_ros.planning.certificate import ArmCertifier, Certificate
 from geodesic_motion_ros.planning.declared_scene import DeclaredScene
 from geodesic_motion_ros.planning.output_space import OutputSpace
-from geodesic_motion_ros.planning.path_timer import JointCurve, PathTimer, TimedPath, meeting
+from geodesic_motion_ros.planning.path_timer import JointCurve, PathTimer, TimedPath, meet_ends
 from geodesic_motion_ros.planning.plan import MotionState, Plan
 from geodesic_motion_ros.planning.query import ArmQuery, PathEnds
 from geodesic_motion_ros.planning.requirement import Requirement, Requirements
@@ -50,15 +50,15 @@ _LARGEST_MULTIPLE = max(attempt.multiple for attempt in constants.ATTEMPTS)
 
 
 class Solver:
-    """Plans single motions on one skill; any thread may call it, as no call changes it. What a search has worked out
-    that the next one need not repeat is in the caller's `Workings`.
+    """A planner of single motions on one skill; any thread may call it, as no call changes it. What a search has worked
+    out that the next one need not repeat is in the caller's `Workings`.
 
     Entry points, each of which times a path, certifies the motion and states a verdict:
 
     | method | motion |
     |---|---|
     | `solve` | to the goal, along the cheapest path of the graph |
-    | `along` | to the goal, along a detour that was found |
+    | `plan_along` | to the goal, along a detour that was found |
 
     The others are made of its parts: evasions (`evasion_motion.py`), approaches (`approach_motion.py`), and the search
     of detours (`detour.py`).
@@ -85,12 +85,12 @@ class Solver:
         self.timer = PathTimer(graph, self.space.smoothing, settings, limits, self.tool, self.certifier)
 
     @property
-    def cautious(self) -> tuple[Attempt, ...]:
+    def cautious_attempts(self) -> tuple[Attempt, ...]:
         """The attempts that are not optimistic. Where no obstacle moves, an optimistic one equals one of these."""
         return _alike(self.attempts, False)
 
     @property
-    def optimistic(self) -> tuple[Attempt, ...]:
+    def optimistic_attempts(self) -> tuple[Attempt, ...]:
         """The optimistic attempts."""
         return _alike(self.attempts, True)
 
@@ -168,8 +168,8 @@ class Solver:
             if nodes in tried:
                 continue
             tried.add(nodes)
-            curve = search.refined(path, attempt.multiple)
-            timed = workings.timed(self.timer, query, state, curve, True, longest)
+            curve = search.refine(path, attempt.multiple)
+            timed = workings.time_path(self.timer, query, state, curve, True, longest)
             plan = self._judged(query, state, curve, timed, obstacles, requirement, ends, longest)
             first = path if attempt == self.attempts[0] else first
             if plan.trajectory is not None:
@@ -188,7 +188,7 @@ class Solver:
         """The plan of an arm that stands at its goal: a path around to the same place would be a needless motion."""
         latent = np.repeat(latent_start(query, state)[None], 2, axis=0)
         standing = JointCurve(np.repeat(state.position[None], 2, axis=0), latent, 0.0)
-        timed = self.timer.timed_curve(state, standing)
+        timed = self.timer.time_curve(state, standing)
         path = LatentPath(np.empty(0, dtype=np.int64), latent, energy=0.0, gap=0.0)
         plan = self._judged(query, state, path, timed, obstacles, requirement, ends)
         return replace(plan, verdict=plan.verdict.with_remark("at the goal")) if plan.verdict.ok else plan
@@ -202,13 +202,13 @@ class Solver:
         deadline: Deadline,
         workings: Workings,
     ) -> MarginSearch:
-        """The searches among obstacles that stand; ends : clearance [m] of the end that is nearer to one."""
+        """Return the searches among obstacles that stand; ends : clearance [m] of the end that is nearer to one."""
         begun = workings.take_begun(query.body, standing)
         begun = begun or BegunSearch(self.evaluation(query, standing), standing)
         start, largest = latent_start(query, state), self.requirements.goal.searched.share * ends
         return MarginSearch(self.graph, query, start, begun, deadline, self.settings, largest)
 
-    def along(
+    def plan_along(
         self,
         query: PathEnds,
         state: MotionState,
@@ -217,27 +217,29 @@ class Solver:
         obstacles: Obstacles,
         seen: SeenVolume,
     ) -> Plan:
-        """The certified motion along configurations (m, eta) from where the arm is to a query's goal; or why it is not
-        certified.
+        """Return the certified motion along configurations (m, eta) from where the arm is to a query's goal; or why it
+        is not certified.
 
         latent : (m, d) latent points beside the configurations. seen : the motion stays inside of this volume.
         """
-        timed = self.timer.timed_curve(state, meeting(curve, latent, state.position, query.goal))
+        timed = self.timer.time_curve(state, meet_ends(curve, latent, state.position, query.goal))
         if isinstance(timed, Refusal):
             return Plan(None, state.time, replace(timed, figures=query.misfits))
         certificate, objection = self.certifier.assess(timed.swept, obstacles, self.requirements.detour)
-        objection = objection or self.certifier.unseen(timed.swept, seen)
+        objection = objection or self.certifier.seen_objection(timed.swept, seen)
         clearance = float(np.min(certificate.clearance))
         figures = replace(query.misfits, clearance=clearance, end_correction=timed.correction)
         if objection:
             refusal = Refusal(VerdictCode.NO_FEASIBLE_PATH, f"on the detour {objection}", figures)
             return Plan(None, state.time, refusal)
-        return Plan(self.certifier.judged(timed.reference, certificate), state.time, Verdict(figures=figures))
+        return Plan(self.certifier.judge(timed.reference, certificate), state.time, Verdict(figures=figures))
 
     def clearance(self, configuration: np.ndarray, obstacles: Obstacles) -> float:
+        """Return the clearance [m] of the arm in a configuration (eta,) from obstacles."""
         return obstacle_clearance(self.collision, self.robot, configuration, obstacles)[0]
 
     def evaluation(self, query: ArmQuery, obstacles: Obstacles) -> NodeEvaluation:
+        """Return the evaluation of a query's nodes among obstacles that stand."""
         settings = self.settings
         return NodeEvaluation.of(
             query.body, obstacles, settings.ambient_strength, settings.ambient_width_ratio,
@@ -279,7 +281,7 @@ class Solver:
         return min(nearest)
 
     def tool_distance(self, one: np.ndarray, other: np.ndarray) -> float:
-        """How far [m] the tool is in one configuration (eta,) from where it is in another one."""
+        """Return how far [m] the tool is in one configuration (eta,) from where it is in another one."""
         return float(np.linalg.norm(self.robot.forward(one)[0] - self.robot.forward(other)[0]))
 
     def _entered_scene(self, configuration: np.ndarray) -> str:
@@ -318,7 +320,7 @@ class Solver:
         figures = self.judge(query, path, timed, certificate, objection)
         if isinstance(figures, Refusal):
             return Plan(None, state.time, figures)
-        return Plan(self.certifier.judged(reference, certificate), state.time, Verdict(figures=figures))
+        return Plan(self.certifier.judge(reference, certificate), state.time, Verdict(figures=figures))
 
     def judge(
         self, query: ArmQuery, path: LatentPath, timed: TimedPath, certificate: Certificate, objection: str
@@ -327,15 +329,17 @@ class Solver:
         sigma, clearance = self.graph.sigma_at(timed.latent), float(np.min(certificate.clearance))
         return judge_path(self.skill, self.graph, query, sigma, path, clearance, timed.correction, objection)
 
-    def seen_beside(self, base: np.ndarray) -> SeenVolume:
-        """The volume in which an arm may be that leaves configurations (k, eta) of a base path (setting `unseen`)."""
+    def seen_volume_beside(self, base: np.ndarray) -> SeenVolume:
+        """Return the volume in which an arm may be that leaves configurations (k, eta) of a base path (setting
+        `unseen`).
+        """
         if self.settings.unseen == "free":
             return SeenVolume.unbounded()
-        return SeenVolume.beside(base, self.scene.seen, self.robot, self.collision)
+        return SeenVolume.of_base_path(base, self.scene.seen, self.robot, self.collision)
 
     def base_path(self, query: ArmQuery, obstacles: Obstacles) -> JointCurve | Refusal:
-        """The geodesic of the metric that obstacles reshape, whether it is free of them or not; or why there is none,
-        or why the arm cannot hold it.
+        """Return the geodesic of the metric that obstacles reshape, whether it is free of them or not; or why there is
+        none, or why the arm cannot hold it.
         """
         reshaped = self.evaluation(query, obstacles.swept(self.requirements.detour.horizon))
         path = cheapest_path(self.graph, query, query.start_latent, reshaped, NO_NODE_REMOVED)
@@ -347,6 +351,7 @@ class Solver:
 
 
 def latent_start(query: ArmQuery, state: MotionState) -> np.ndarray:
+    """Return the latent point (d,) of a state; where it has none, that of the query's start."""
     return query.start_latent if state.latent is None else state.latent
 
 

@@ -11,8 +11,8 @@ _AnyVerdict = TypeVar("_AnyVerdict", bound="Verdict")
 
 
 class VerdictCode(IntEnum):
-    """Why there is, or is not, a path to the goal. OK alone comes with one; a stop, an evasion or an approach that is
-    handed out has the code of why there is none.
+    """The reason why there is, or is not, a path to the goal. OK alone comes with one; a stop, an evasion or an
+    approach that is handed out has the code of why there is none.
     """
 
     OK = 0
@@ -106,7 +106,7 @@ class Verdict:
         return self.code is VerdictCode.OK
 
     @property
-    def planned(self) -> bool:
+    def is_of_planning(self) -> bool:
         """Whether planning came to this verdict; False where nothing could be planned, as an input is missing."""
         return self.code in _OF_PLANNING
 
@@ -126,7 +126,7 @@ class Verdict:
 
 @dataclass(frozen=True)
 class Refusal(Verdict):
-    """Why something that was asked for is not done; its code is never OK.
+    """A verdict on something that is not done, and why; its code is never OK.
 
     What may fail for a reason returns its result or a refusal. None is returned where there is nothing to explain.
     """

@@ -13,13 +13,13 @@ import numpy as np
 from geodesic_motion_ros.planning.certificate import ArmCertifier, JudgedTrajectory
 from geodesic_motion_ros.planning.mode import Purpose
 from geodesic_motion_ros.planning.plan import Plan
-from geodesic_motion_ros.planning.played import Followed, PlayedTrajectory, Step
+from geodesic_motion_ros.planning.played import FollowedPlan, PlayedTrajectory, Step
 from geodesic_motion_ros.planning.status import Refusal
 from geodesic_motion_ros.trajectory.trajectory import JointReference
 
 
 class Stream:
-    """Joins the trajectories of one arm into one motion, and knows which of them is being played and what for.
+    """The trajectories of one arm, joined into one motion: which of them is being played, and what for.
 
     Attributes
     ----------
@@ -34,7 +34,7 @@ class Stream:
     def forget(self) -> None:
         """Forget all that was played: where the arm is is not known any more."""
         self.played: PlayedTrajectory | None = None
-        self.followed: Followed | None = None
+        self.followed: FollowedPlan | None = None
         # The trajectory until `played` began: the arm's newest state may be older than that.
         self._played_before: PlayedTrajectory | None = None
 
@@ -52,8 +52,8 @@ class Stream:
         assert self.played is not None
         self.played = PlayedTrajectory(trajectory, self.played.begin, self._certifier)
 
-    def commanded(self, time: float) -> tuple[np.ndarray, np.ndarray, np.ndarray] | None:
-        """Position, velocity and acceleration (eta,) played at `time` [s]; None where nothing is."""
+    def commanded_state(self, time: float) -> tuple[np.ndarray, np.ndarray, np.ndarray] | None:
+        """Return the position, velocity and acceleration (eta,) played at `time` [s]; None where nothing is."""
         played = self.played
         if played is None:
             return None
@@ -61,9 +61,9 @@ class Stream:
             played = self._played_before
         return played.reference.sample(time - played.begin)
 
-    def playing(self, now: float) -> tuple[JointReference, float] | None:
-        """The rest of the motion that is being played, from its last knot at or before `now` [s] on, and the time of
-        that knot; None where no motion is known, or it is over.
+    def remaining_motion(self, now: float) -> tuple[JointReference, float] | None:
+        """Return the rest of the motion that is being played, from its last knot at or before `now` [s] on, and the
+        time of that knot; None where no motion is known, or it is over.
         """
         played = self.played
         if played is None or not played.begin <= now < played.end:
@@ -71,20 +71,20 @@ class Stream:
         knot = played.knot_before(now)
         return played.reference.rest(knot - played.begin), knot
 
-    def to_goal(self) -> tuple[JointReference, float] | None:
-        """The motion that is being played and the time of its first knot [s]; None where it leads to no goal."""
+    def motion_to_goal(self) -> tuple[JointReference, float] | None:
+        """Return the motion that is being played and the time of its first knot [s]; None where it leads to no goal."""
         if self.played is None or self.followed is None or self.followed.purpose is not Purpose.GOAL:
             return None
         return self.played.reference, self.played.begin
 
-    def braked(self, trajectory: JudgedTrajectory, begin: float, verdict: Refusal) -> None:
+    def record_braking(self, trajectory: JudgedTrajectory, begin: float, verdict: Refusal) -> None:
         """Record that the arm fell back to the stop at the end of what was sent, which begins at a time [s].
 
         verdict : why.
         """
         self._replace(trajectory, begin)
         if self.followed is not None:
-            self.followed = Followed(self.followed.query, Purpose.STOP, verdict, self.followed.asked)
+            self.followed = FollowedPlan(self.followed.query, Purpose.STOP, verdict, self.followed.last_search)
 
     def commit(self, step: Step, now: float) -> Plan:
         """Play the trajectory of a step at `now` [s], where it has one; returns the step's plan, with the whole motion
@@ -99,7 +99,7 @@ class Stream:
             # Where the arm stood before its first path had no latent point yet.
             latent = np.repeat(plan.trajectory.reference.latent[:1], len(old.reference.times), axis=0)
             old = replace(old, reference=replace(old.reference, latent=latent))
-        whole = old.continued_by(plan.trajectory, begin - self.played.begin, plan.begin - self.played.begin)
+        whole = old.continue_by(plan.trajectory, begin - self.played.begin, plan.begin - self.played.begin)
         self._replace(whole, begin)
         return replace(plan, trajectory=whole, begin=begin)
 

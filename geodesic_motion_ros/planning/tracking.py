@@ -34,7 +34,7 @@ _AS_NEAR = 5e-4
 
 @dataclass(frozen=True)
 class Tracking:
-    """How late, and how far off its path, an arm follows its commands.
+    """The lag and the error with which an arm follows its commands.
 
     Attributes
     ----------
@@ -45,8 +45,8 @@ class Tracking:
     lag: float = 0.0
     error: float = 0.0
 
-    def rounded_up(self) -> Tracking:
-        """As whole numbers of `LAG_STEP` and `TRACKING_ERROR_STEP`."""
+    def round_up(self) -> Tracking:
+        """Return both as whole numbers of `LAG_STEP` and `TRACKING_ERROR_STEP`."""
         lag = _rounded_up(self.lag, constants.LAG_STEP)
         return Tracking(lag, _rounded_up(self.error, constants.TRACKING_ERROR_STEP))
 
@@ -77,7 +77,7 @@ class TrackingMonitor:
         return _worst(self._with_goal, self._with_goal_before, *newest)
 
     def take_goal(self) -> None:
-        """The arm moves to another goal from now on."""
+        """Take note that the arm moves to another goal from now on."""
         self._with_goal_before, self._with_goal = self._with_goal, Tracking()
 
     def take_collision(self, collision: CollisionModel) -> None:
@@ -86,7 +86,7 @@ class TrackingMonitor:
         self._sent.clear()
 
     def forget(self) -> None:
-        """The arm begins anew where it stands."""
+        """Take note that the arm begins anew where it stands."""
         self._sent.clear()
         self._newest.clear()
         self._with_goal = self._with_goal_before = Tracking()

@@ -8,7 +8,7 @@ from geodesic_motion_ros.robot.kinematics import Robot
 
 
 def in_turn_of(nodes: np.ndarray, joint_positions: np.ndarray, robot: Robot) -> np.ndarray:
-    """Joint positions (eta,) [rad] with continuous joints in the turn in which nodes (n, eta) have them.
+    """Return joint positions (eta,) [rad] with continuous joints in the turn in which nodes (n, eta) have them.
 
     Where nodes extend over more than a turn positions among them stay as they are.
     """

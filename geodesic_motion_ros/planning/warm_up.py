@@ -15,7 +15,7 @@ from geodesic_motion_ros.obstacles.obstacles import Obstacles
 from geodesic_motion_ros.planning.evasion_motion import evasion_beside_graph
 from geodesic_motion_ros.planning.plan import MotionState
 from geodesic_motion_ros.planning.planner import ReactivePlanner
-from geodesic_motion_ros.planning.played import Followed, PlayedTrajectory
+from geodesic_motion_ros.planning.played import FollowedPlan, PlayedTrajectory
 from geodesic_motion_ros.planning.search import load_search
 from geodesic_motion_ros.planning.situation import Situation
 from geodesic_motion_ros.planning.status import Refusal, VerdictCode
@@ -52,14 +52,14 @@ def load_kernels(planner: ReactivePlanner) -> None:
     if planner.may_detour:
         arm.detours.find(query, obstacles, _REACH)
         evasion_beside_graph(solver, query, state, obstacles, _REACH)
-    plan = solver.solve(query, state, obstacles, solver.cautious)
+    plan = solver.solve(query, state, obstacles, solver.cautious_attempts)
     if plan.trajectory is None:
         return
     played = PlayedTrajectory(plan.trajectory, 0.0, solver.certifier)
-    followed = Followed.begun(query, plan, obstacles, 0.0)
+    followed = FollowedPlan.of(query, plan, obstacles, 0.0)
     moving = Situation(planner.settings, planner.limits, solver.certifier, played, followed, 0.1, obstacles)
     moving.free_path(query)
     arm.query_from(moving.state, followed, goal)
-    stop = moving.stopped(Refusal(VerdictCode.NO_GOAL)).plan
+    stop = moving.begin_stop(Refusal(VerdictCode.NO_GOAL)).plan
     if stop.trajectory is not None:
-        plan.trajectory.continued_by(stop.trajectory, 0.0, stop.begin)
+        plan.trajectory.continue_by(stop.trajectory, 0.0, stop.begin)

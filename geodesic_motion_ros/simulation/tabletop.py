@@ -69,7 +69,7 @@ class TabletopWorld(ArmWorld):
     """
 
     def __init__(self, gui: bool = False, rate_hz: float = 240.0, robot: str | Path = DEFAULT_ROBOT) -> None:
-        super().__init__(gui, rate_hz, DeclaredScene.named("table"), robot)
+        super().__init__(gui, rate_hz, DeclaredScene.from_name("table"), robot)
         self._solid: list[int] = []
         self._seen: list[int] = []
 

@@ -16,7 +16,7 @@ import numpy as np
 from geodesic_motion_ros.demonstrations.recordings import Recording
 from geodesic_motion_ros.demonstrations.takes import Action
 from geodesic_motion_ros.planning.certificate_scope import COUNTED, NOT_COUNTED
-from geodesic_motion_ros.planning.largest_sphere import LARGEST, STEP, SpherePlaces, largest_passed
+from geodesic_motion_ros.planning.largest_sphere import LARGEST, STEP, SpherePlaces, find_largest_passed
 from geodesic_motion_ros.planning.planner import ReactivePlanner
 from geodesic_motion_ros.skill.skill import Skill
 from geodesic_motion_ros.trajectory.trajectory import JointReference
@@ -248,13 +248,13 @@ def _spheres(
     radius [m] that leaves start and goal free there.
     """
     detours = (0.0, planner.settings.detour) if planner.may_detour else (0.0,)
-    places = SpherePlaces.along(planner, motion, PLACES)
+    places = SpherePlaces.of_motion(planner, motion, PLACES)
     radii, reasons = np.zeros((PLACES, len(detours))), []
     for place in shown(range(PLACES)):
         radius, reason = 0.0, ""
         for column, detour in enumerate(detours):
             planner.set_detour(detour)
-            radius, reason = largest_passed(planner, places.centres[place], float(places.free[place]), radius)
+            radius, reason = find_largest_passed(planner, places.centres[place], float(places.free[place]), radius)
             radii[place, column] = radius
         reasons.append(reason)
     names = ("as demonstrated", f"detour up to {100.0 * detours[-1]:.0f} cm")[: len(detours)]

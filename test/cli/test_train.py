@@ -74,7 +74,7 @@ def test_the_scene_of_the_recording_is_kept_and_refused_where_demonstrations_ent
     assert all("moves no arm yet" in line for line in warnings)  # a good recording is not remarked on
     assert said.out.index("samples of 4 demonstrations: 60 steps") < said.out.index("wrote the skill")
     skill = Skill.load(tmp_path / "on_a_table")
-    assert DeclaredScene.recorded(skill).names == ("table",)
+    assert DeclaredScene.of_skill(skill).names == ("table",)
     crate = tmp_path / "crate.yaml"
     where = [round(float(number), 3) for number in skill.goal_pose[:3]]
     crate.write_text(f"boxes: [{{name: crate, centre: {where}, size: [0.2, 0.2, 0.2]}}]")

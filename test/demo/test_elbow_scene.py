@@ -47,7 +47,7 @@ def played(scene: ElbowScene, obstacle: bool) -> tuple[Recording, float]:
             velocity = (seen - scene.obstacle.position(time - SEEN_AGO - TICK)) / TICK
             planner.set_obstacles(seen[None], np.array([scene.obstacle.radius]), velocity[None], time - SEEN_AGO)
         planner.tick(time)
-        configuration = planner.commanded(time)[0]
+        configuration = planner.commanded_state(time)[0]
         recording.joint_times.append(time)
         recording.joints.append(configuration)
         recording.pose_times.append(time)
@@ -56,7 +56,8 @@ def played(scene: ElbowScene, obstacle: bool) -> tuple[Recording, float]:
         recording.obstacles.append(scene.obstacle.position(time))
         least = min(least, clearance(scene, configuration, time)[0])
         time += TICK
-        if planner.to_goal() is not None and time > sum((planner.to_goal()[1], planner.to_goal()[0].duration)):
+        motion = planner.motion_to_goal()
+        if motion is not None and time > motion[1] + motion[0].duration:
             break
     return recording, least
 

@@ -49,7 +49,7 @@ def skill_folder(fan_skill: Skill, tmp_path_factory: pytest.TempPathFactory) -> 
 @pytest.fixture(scope="session")
 def table_skill_folder(fan_skill: Skill, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The same skill, which says that it was recorded on the shipped table."""
-    recorded = replace(fan_skill, scene=DeclaredScene.named("table").described)
+    recorded = replace(fan_skill, scene=DeclaredScene.from_name("table").described)
     return recorded.save(tmp_path_factory.mktemp("skills") / "fan_on_a_table")
 
 

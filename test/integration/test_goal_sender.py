@@ -133,7 +133,7 @@ def test_the_answer_to_a_goal_is_waited_for_while_it_is_prepared(bench, options,
     node = bench.add(PlannerNode, **options)
     bench.wait_for_code("NO_GOAL")
     planner = node.planner
-    prepare, said = planner.prepared_goal, []
+    prepare, said = planner.prepare_goal, []
 
     def slowly(*arguments):
         until = int(bench.status()["tick"]) + 40
@@ -141,7 +141,7 @@ def test_the_answer_to_a_goal_is_waited_for_while_it_is_prepared(bench, options,
         said.append(bench.heard["planner/status"][-1].status[0].message)
         return prepare(*arguments)
 
-    monkeypatch.setattr(planner, "prepared_goal", slowly)
+    monkeypatch.setattr(planner, "prepare_goal", slowly)
     send(bench, goal)
     assert said == [f"NO_GOAL: {PREPARING}"]
 

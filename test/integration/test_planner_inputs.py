@@ -89,7 +89,7 @@ class TestBadInput:
         moving.wait(moving.at_goal, "an arm at rest")
 
         def is_where_it_was_sent() -> bool:
-            sent = moving.planner.cycle.planner.to_goal()[0].positions[-1]
+            sent = moving.planner.cycle.planner.motion_to_goal()[0].positions[-1]
             return np.array_equal(moving.planner.inputs.snapshot().measured, sent)
 
         moving.wait(is_where_it_was_sent, "a joint state of the end of the motion")

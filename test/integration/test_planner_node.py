@@ -202,7 +202,7 @@ class TestFaults:
             failed.append(0)
             raise ZeroDivisionError
 
-        monkeypatch.setattr(moving.planner.outputs, "diagnostics", fail)
+        monkeypatch.setattr(moving.planner.outputs, "publish_diagnostics", fail)
         moving.wait(lambda: len(failed) > 1, "the timer to fail twice")
         moving.wait(lambda: int(moving.status().get("refused_/diagnostics", 0)) > 0, "the failure among those counted")
         assert moving.status()["code"] == "OK"

@@ -16,7 +16,7 @@ from std_msgs.msg import Header
 from geodesic_motion_ros.nodes import arm_state
 from geodesic_motion_ros.nodes.arm_state import ArmState
 from geodesic_motion_ros.nodes.node_time import Moment
-from geodesic_motion_ros.nodes.refusals import Refusals
+from geodesic_motion_ros.nodes.refusals import RefusalLog
 from geodesic_motion_ros.robot.kinematics import Robot
 
 ROBOT = Robot.named("panda")
@@ -32,7 +32,7 @@ class Driver:
 
     def __init__(self, robot: Robot = ROBOT, prefix: str = "") -> None:
         self.warnings: list[str] = []
-        self.refusals = Refusals(self.warnings.append, quiet=0.0)
+        self.refusals = RefusalLog(self.warnings.append, quiet=0.0)
         self.state = ArmState(robot.prefixed(prefix), self.refusals, prefix)
         self.now = 1.0
 

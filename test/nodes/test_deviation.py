@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from geodesic_motion_ros.nodes.deviation import joint_deviation, joints_moved, pose_deviation, pose_moved
+from geodesic_motion_ros.nodes.deviation import has_pose_moved, have_joints_moved, joint_deviation, pose_deviation
 
 HERE = np.array([0.4, 0.0, 0.3])
 UPRIGHT = np.array([1.0, 0.0, 0.0, 0.0])
@@ -35,8 +35,8 @@ def test_the_worst_joint_is_named() -> None:
 
 
 def test_an_arm_that_should_rest_moves_by_more_than_noise() -> None:
-    assert not pose_moved((HERE + [0.004, 0.0, 0.0], turned(0.015)), (HERE, UPRIGHT))
-    assert pose_moved((HERE + [0.006, 0.0, 0.0], UPRIGHT), (HERE, UPRIGHT))
-    assert pose_moved((HERE, turned(0.025)), (HERE, UPRIGHT))
-    assert not joints_moved(np.array([0.009, -0.009]), np.zeros(2))
-    assert joints_moved(np.array([0.0, -0.011]), np.zeros(2))
+    assert not has_pose_moved((HERE + [0.004, 0.0, 0.0], turned(0.015)), (HERE, UPRIGHT))
+    assert has_pose_moved((HERE + [0.006, 0.0, 0.0], UPRIGHT), (HERE, UPRIGHT))
+    assert has_pose_moved((HERE, turned(0.025)), (HERE, UPRIGHT))
+    assert not have_joints_moved(np.array([0.009, -0.009]), np.zeros(2))
+    assert have_joints_moved(np.array([0.0, -0.011]), np.zeros(2))

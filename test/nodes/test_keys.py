@@ -26,11 +26,11 @@ def test_keys_come_without_enter_and_nothing_is_waited_for(terminal: tuple[int, 
     keyboard, ours = terminal
     keys = Keys(ours)
     assert keys
-    assert keys.pressed() == ""
+    assert keys.read() == ""
     os.write(keyboard, b" d")
     select.select([ours], [], [], 10.0)
-    assert keys.pressed() == " d"
-    assert keys.pressed() == ""
+    assert keys.read() == " d"
+    assert keys.read() == ""
 
 
 def test_the_terminal_is_left_as_it_was(terminal: tuple[int, int]) -> None:
@@ -50,7 +50,7 @@ def test_what_is_no_terminal_has_no_keys() -> None:
     os.write(writing, b"q")
     keys = Keys(reading)
     assert not keys
-    assert keys.pressed() == ""
+    assert keys.read() == ""
     keys.close()
     assert os.read(reading, 1) == b"q"
     os.close(reading)

@@ -11,7 +11,7 @@ from sensor_msgs.msg import CompressedImage
 from std_msgs.msg import ColorRGBA, Header
 from visualization_msgs.msg import Marker, MarkerArray, MeshFile, UVCoordinate
 
-from geodesic_motion_ros.nodes.marker_bytes import SeenMarker, marker_in, markers_in
+from geodesic_motion_ros.nodes.marker_bytes import SeenMarker, parse_marker, parse_markers
 from geodesic_motion_ros.nodes.marker_messages import sphere_marker
 from geodesic_motion_ros.nodes.messages import MessageRefused
 
@@ -58,11 +58,11 @@ def assert_the_same(seen: SeenMarker, sent: Marker) -> None:
 def test_they_are_those_that_were_sent(seed: int) -> None:
     random = np.random.default_rng(seed)
     sent = [full(random) for _ in range(seed % 4)]
-    seen = markers_in(serialize_message(MarkerArray(markers=sent)))
+    seen = parse_markers(serialize_message(MarkerArray(markers=sent)))
     assert len(seen) == len(sent)
     for got, given in zip(seen, sent, strict=True):
         assert_the_same(got, given)
-        assert_the_same(marker_in(serialize_message(given)), given)
+        assert_the_same(parse_marker(serialize_message(given)), given)
 
 
 def test_whatever_is_cut_off_is_refused() -> None:
@@ -70,7 +70,7 @@ def test_whatever_is_cut_off_is_refused() -> None:
     # Behind the end up to three bytes mean nothing.
     for length in range(len(wire) - 3):
         with pytest.raises(MessageRefused):
-            markers_in(wire[:length])
+            parse_markers(wire[:length])
 
 
 def test_spoiled_bytes_are_refused_or_read() -> None:
@@ -80,7 +80,7 @@ def test_spoiled_bytes_are_refused_or_read() -> None:
         spoiled = wire.copy()
         spoiled[random.integers(len(wire), size=4)] = random.integers(256, size=4)
         try:
-            markers_in(spoiled.tobytes())
+            parse_markers(spoiled.tobytes())
         except MessageRefused:
             refused += 1
     assert 0 < refused < 2000
@@ -89,4 +89,4 @@ def test_spoiled_bytes_are_refused_or_read() -> None:
 def test_another_order_of_bytes_is_refused() -> None:
     wire = serialize_message(sphere_marker("n", 1, np.zeros(3), 0.1, (1.0, 0.0, 0.0, 1.0), "base", STAMP))
     with pytest.raises(MessageRefused, match="written as 0000, expected plain CDR, 0001"):
-        marker_in(bytes(2) + wire[2:])
+        parse_marker(bytes(2) + wire[2:])

@@ -235,7 +235,7 @@ class TestHeld:
         return marker
 
     def after(self, *markers: Marker, held: Sequence[HeldObject] = ()) -> tuple[HeldObject, ...]:
-        return m.held_after(markers, held, Robot.named("panda"))
+        return m.held_objects_after(markers, held, Robot.named("panda"))
 
     def test_attach_replace_detach(self):
         assert self.after(self.marker()) == (self.BOTTLE,)

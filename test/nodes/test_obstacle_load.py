@@ -21,7 +21,7 @@ def test_the_load_is_that_of_the_time_since_the_last_look():
     spent, clock = Clock(), Clock()
     load = ObstacleLoad(spent, clock)
     for _ in range(10):
-        with load.counted():
+        with load.count_time():
             spent.now += 0.03
             load.count(4)
         clock.now += 0.1
@@ -36,7 +36,7 @@ def test_what_fails_is_counted_too():
     load = ObstacleLoad(spent, clock)
 
     def fail() -> None:
-        with load.counted():
+        with load.count_time():
             spent.now += 0.2
             raise ValueError
 

@@ -232,7 +232,7 @@ def test_a_path_on_which_no_stop_was_found_in_time_is_not_sent_again(planner, ar
     cycle = PlannerCycle(planner, 0.1, 1.0, 0.1, HORIZON, clock=slow)
     follow(cycle, arm, inputs, 1.5)
     sent, tracker = arm.played, ObstacleTracker()
-    ahead = planner.playing(arm.now)[0].positions[-1]
+    ahead = planner.remaining_motion(arm.now)[0].positions[-1]
     tracker.put("obstacles", ("", 0), planner.robot.forward(ahead)[0], 0.08, arm.now, 0.0)
     change = {"obstacles": tracker.current(arm.now)} if obstructed else {"hold": True}
     passing[0] = 0.03
@@ -560,7 +560,7 @@ class TestHeldObjects:
     def test_an_obstacle_of_its_name_that_is_elsewhere_counts(self, cycle, arm, inputs):
         held = dataclasses.replace(inputs, held=(self.BALL,))
         follow(cycle, arm, held, 0.05)
-        ahead = cycle.planner.to_goal()[0].sample(0.5 * cycle.planner.to_goal()[0].duration)[0]
+        ahead = cycle.planner.motion_to_goal()[0].sample(0.5 * cycle.planner.motion_to_goal()[0].duration)[0]
         tracker = self.seen(cycle, ahead)
         outputs = follow(cycle, arm, dataclasses.replace(inputs, obstacles=tracker.current(100.0)), 8.0)
         assert len(cycle.planner.obstacles.radii) == 1

@@ -54,7 +54,7 @@ def played(planner: ReactivePlanner, received: Callable[[int], dict], count: int
         inputs = dataclasses.replace(inputs, now=now, heard=now, **received(number))
         output = cycle.run(inputs, PERIOD)
         assert output.verdict.ok, (number, output.verdict.reason)
-        commanded = planner.commanded(now + PERIOD)
+        commanded = planner.commanded_state(now + PERIOD)
         assert commanded is not None
         inputs = dataclasses.replace(inputs, measured=commanded[0])
         yield planner.robot.forward(commanded[0])[0]

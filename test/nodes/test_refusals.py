@@ -1,4 +1,4 @@
-"""Refusals are swallowed, counted by topic and reported once in a while; so are errors that nobody expected."""
+"""RefusalLog are swallowed, counted by topic and reported once in a while; so are errors that nobody expected."""
 
 from __future__ import annotations
 
@@ -8,12 +8,12 @@ import pytest
 from std_srvs.srv import Trigger
 
 from geodesic_motion_ros.nodes.messages import MessageRefused
-from geodesic_motion_ros.nodes.refusals import Refusals
+from geodesic_motion_ros.nodes.refusals import RefusalLog
 
 
 def test_counts_all_and_warns_of_the_first_of_each_topic():
     warnings: list[str] = []
-    refusals = Refusals(warnings.append, quiet=3600.0)
+    refusals = RefusalLog(warnings.append, quiet=3600.0)
     for topic in ("goal_pose", "obstacles", "goal_pose", "goal_pose"):
         with refusals.guard(topic):
             raise MessageRefused(f"bad {topic}")
@@ -28,7 +28,7 @@ def test_counts_all_and_warns_of_the_first_of_each_topic():
 
 def test_warns_again_when_the_quiet_time_is_over():
     warnings: list[str] = []
-    refusals = Refusals(warnings.append, quiet=0.0)
+    refusals = RefusalLog(warnings.append, quiet=0.0)
     refusals.add("goal_pose", "first")
     refusals.add("goal_pose", "second")
     assert len(warnings) == 2
@@ -36,7 +36,7 @@ def test_warns_again_when_the_quiet_time_is_over():
 
 def test_a_reason_that_stays_is_warned_of_less_often_than_a_new_one():
     warnings: list[str] = []
-    refusals = Refusals(warnings.append, quiet=0.05)
+    refusals = RefusalLog(warnings.append, quiet=0.05)
     until = time.monotonic() + 0.3
     while time.monotonic() < until:
         refusals.add("joint_states", "lacks a joint")
@@ -48,7 +48,7 @@ def test_a_reason_that_stays_is_warned_of_less_often_than_a_new_one():
 
 def test_any_other_error_is_counted_and_reported_with_its_type_and_place():
     warnings: list[str] = []
-    refusals = Refusals(warnings.append)
+    refusals = RefusalLog(warnings.append)
     with refusals.guard("goal_pose"):
         raise ZeroDivisionError
     assert refusals.counts == {"goal_pose": 1}
@@ -58,12 +58,12 @@ def test_any_other_error_is_counted_and_reported_with_its_type_and_place():
 
 
 def test_a_service_is_answered_with_what_was_done_or_why_not():
-    refusals = Refusals(lambda text: None)
+    refusals = RefusalLog(lambda text: None)
 
     def refuse() -> str:
         raise MessageRefused("not now")
 
-    answers = {work: refusals.answered("~/reset", Trigger.Response(), work) for work in (lambda: "done", refuse, fail)}
+    answers = {work: refusals.answer("~/reset", Trigger.Response(), work) for work in (lambda: "done", refuse, fail)}
     assert [(answer.success, answer.message) for answer in answers.values()] == [
         (True, "done"), (False, "not now"), (False, "internal error, see the log: ZeroDivisionError()"),
     ]  # fmt: skip
@@ -75,7 +75,7 @@ def fail() -> str:
 
 
 def test_what_is_to_end_the_program_passes():
-    refusals = Refusals(lambda text: None)
+    refusals = RefusalLog(lambda text: None)
     with pytest.raises(KeyboardInterrupt), refusals.guard("goal_pose"):
         raise KeyboardInterrupt
     assert refusals.counts == {}

@@ -80,7 +80,7 @@ class Arm:
         self.planner.set_obstacles(np.zeros((0, 3)), np.zeros(0))
         cycle = PlannerCycle(self.planner, 0.1, 1.0, tracking_tolerance=0.1, horizon=2.0, clock=lambda: 0.0)
         self.planner.stand_at(self.start, 100.0)
-        return digest(cycle, self.skill, lambda now: self.planner.commanded(now)[0], self.sent)
+        return digest(cycle, self.skill, lambda now: self.planner.commanded_state(now)[0], self.sent)
 
     def sent(self, output: CycleOutput) -> bytes:
         if output.trajectory is None:

@@ -148,7 +148,7 @@ def test_a_goal_that_the_skill_does_not_know_is_refused(cycle, inputs, arm) -> N
     far = inputs.goal[0] + np.array([0.0, 0.0, 0.7]), inputs.goal[1]
     *_, (_, output) = played(cycle, dataclasses.replace(inputs, goal=far), arm, 3)
     assert output.goal_verdict.code is VerdictCode.GOAL_OUT_OF_SUPPORT
-    assert output.goal_refused
+    assert output.is_goal_refused
 
 
 def test_an_arm_that_was_moved_loses_the_goal_and_is_not_pulled_back(cycle, inputs, arm) -> None:

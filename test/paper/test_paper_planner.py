@@ -26,7 +26,7 @@ def planner(shared: PaperPlanner) -> PaperPlanner:
     shared.set_obstacles(Obstacles.none())
     shared.clear_goal()
     shared.stand_at(np.zeros(7), *start)
-    shared.take_goal(shared.prepared_goal(*goal))
+    shared.take_goal(shared.prepare_goal(*goal))
     return shared
 
 
@@ -109,7 +109,7 @@ def test_newer_obstacles_wait_for_the_search_that_runs(planner) -> None:
 
 def test_a_goal_that_the_skill_does_not_know_is_refused_with_the_distances(planner) -> None:
     position, quaternion = np.split(planner.skill.goal_pose, [3])
-    verdict = planner.prepared_goal(position + [0.0, 0.0, 0.6], quaternion, 0.05, 0.5)
+    verdict = planner.prepare_goal(position + [0.0, 0.0, 0.6], quaternion, 0.05, 0.5)
     assert verdict.code is VerdictCode.GOAL_OUT_OF_SUPPORT
     assert verdict.figures.goal_offset > 0.05
     assert "allowed are 50 mm" in verdict.reason
@@ -160,7 +160,7 @@ def test_no_query_raises_and_every_path_is_finite(shared) -> None:
         radii = 10.0 ** random.uniform(-3.0, 3.0, size=count)
         shared.set_obstacles(Obstacles.of_spheres(random.uniform(-1.0, 1.0, size=(count, 3)), radii))
         if query % 3 == 0:
-            shared.take_goal(shared.prepared_goal(*pose()))
+            shared.take_goal(shared.prepare_goal(*pose()))
         if query % 7 == 0:
             shared.stand_at(np.zeros(7), *pose())
         assert shared.tick().ok
@@ -175,7 +175,7 @@ def test_a_held_object_is_what_obstacles_are_kept_from_and_adds_its_radius(plann
     start, goal = (np.split(pose, [3]) for pose in (planner.skill.start_pose, planner.skill.goal_pose))
     planner.set_obstacles(Obstacles.none())
     planner.stand_at(np.zeros(7), *start)
-    planner.take_goal(planner.prepared_goal(*goal))
+    planner.take_goal(planner.prepare_goal(*goal))
     planner.tick()
     nodes, free = planner.search.nodes, planner.search.cost
     positions, quaternions = planner.tool_poses(planner.path)

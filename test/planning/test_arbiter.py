@@ -49,7 +49,7 @@ class Searches:
     late: bool = False
     pace: float = 1.0
     attempts: tuple[Attempt, ...] = ATTEMPTS
-    cautious: tuple[Attempt, ...] = CAUTIOUS
+    cautious_attempts: tuple[Attempt, ...] = CAUTIOUS
     made: list[tuple[SimpleNamespace, tuple[Attempt, ...]]] = field(default_factory=list)
 
     def solve(
@@ -65,7 +65,7 @@ class Searches:
         path = state.position + share * (ROBOT.ready + TURN * np.eye(7)[0] - state.position)
         limits = JointLimits.of(ROBOT, self.pace, self.pace)
         reference = timed_joint_reference(path, np.hstack([1.0 - share, share]), limits)
-        trajectory = CERTIFIER.judged(reference, CERTIFIER.certify(reference, obstacles, SETTINGS.prediction))
+        trajectory = CERTIFIER.judge(reference, CERTIFIER.certify(reference, obstacles, SETTINGS.prediction))
         return Plan(trajectory, state.time, Verdict(VerdictCode.OK, "turns"))
 
 
@@ -100,7 +100,7 @@ class Arm:
         self.stream, self.memory = Stream(CERTIFIER), AttemptMemory()
         self.mission = Mission(active=SimpleNamespace(goal=SimpleNamespace()))
         standing = JointReference.standing(ROBOT.ready, np.zeros(2))
-        self.stream.stand(CERTIFIER.judged(standing, CERTIFIER.certify(standing, Obstacles.none(), 1.0)), 0.0)
+        self.stream.stand(CERTIFIER.judge(standing, CERTIFIER.certify(standing, Obstacles.none(), 1.0)), 0.0)
         self.situation: Situation | None = None
 
     def decided(

@@ -114,7 +114,7 @@ def test_it_holds_for_every_velocity_within_the_errors() -> None:
         uncertain = replace(spheres, velocity_errors=errors)
         assert np.all(certified(reference, uncertain).clearance <= true + 1e-9)
         # So too of what is left of the motion, and as long as moving obstacles count.
-        swept, middle = CERTIFIER.swept(reference), 0.5 * reference.duration
+        swept, middle = CERTIFIER.sweep(reference), 0.5 * reference.duration
         left = CERTIFIER.certify_swept(swept.since(middle), uncertain, HORIZON).clearance
         assert np.all(left <= densely(reference.rest(middle), truly)[0] + 1e-9)
         counted = reference.times[1:] <= HORIZON
@@ -132,7 +132,7 @@ def test_what_is_left_of_a_motion_is_certified_like_a_motion_of_its_own():
     """But for the interval in which it begins: that counts as a whole."""
     for seed in range(12):
         reference, obstacles = scene(seed)
-        swept = CERTIFIER.swept(reference)
+        swept = CERTIFIER.sweep(reference)
         for time in np.random.default_rng(seed).uniform(0.0, reference.duration, 4):
             left = CERTIFIER.certify_swept(swept.since(time), obstacles, HORIZON)
             own = CERTIFIER.certify(reference.rest(time), obstacles, HORIZON)
@@ -173,7 +173,7 @@ def test_what_comes_to_where_the_arm_stands_at_the_end_is_counted_to_the_horizon
     )
     assert np.min(CERTIFIER.certify(short, coming, HORIZON).clearance) > 0.1
     assert np.min(CERTIFIER.certify(short, coming, HORIZON, stand_after_horizon=False).clearance) < -0.05
-    lasting = CERTIFIER.swept(short).lasting(HORIZON)
+    lasting = CERTIFIER.sweep(short).stand_until(HORIZON)
     assert np.min(CERTIFIER.certify_swept(lasting, coming, HORIZON).clearance) < -0.05
 
 
@@ -418,10 +418,10 @@ def test_a_trajectory_has_the_certificate_of_every_interval_and_of_the_time_at_r
     end = placed_at(reference, reference.times[-1:])[0, -1]
     after = reference.duration + 0.25
     coming = Obstacles.of_spheres(end[None] - [0.0, 0.0, 2.0 * after], np.array([0.05]), np.array([[0.0, 0.0, 2.0]]))
-    swept = CERTIFIER.swept(reference)
-    for lasting, horizon, hit in ((swept.lasting(after), after, True), (swept, reference.duration, False)):
+    swept = CERTIFIER.sweep(reference)
+    for lasting, horizon, hit in ((swept.stand_until(after), after, True), (swept, reference.duration, False)):
         certificate = CERTIFIER.certify_swept(lasting, coming, horizon, stand_after_horizon=False)
-        trajectory = CERTIFIER.judged(reference, certificate)
+        trajectory = CERTIFIER.judge(reference, certificate)
         assert len(trajectory.clearance) == len(trajectory.self_clearance) == len(reference.times) - 1
         assert trajectory.nearest == np.min(certificate.clearance)
         assert (trajectory.nearest < 0.0) is hit
@@ -430,18 +430,18 @@ def test_a_trajectory_has_the_certificate_of_every_interval_and_of_the_time_at_r
 
 def test_a_trajectory_that_continues_another_keeps_what_was_certified_of_both():
     reference, obstacles = scene(1)
-    old = CERTIFIER.judged(reference, CERTIFIER.certify(reference, obstacles, HORIZON))
+    old = CERTIFIER.judge(reference, CERTIFIER.certify(reference, obstacles, HORIZON))
     since, until = reference.times[3], reference.times[7] + 0.004
     rest = reference.rest(until)
-    new = CERTIFIER.judged(rest, CERTIFIER.certify(rest, Obstacles.none(), HORIZON))
-    whole = old.continued_by(new, since, until)
+    new = CERTIFIER.judge(rest, CERTIFIER.certify(rest, Obstacles.none(), HORIZON))
+    whole = old.continue_by(new, since, until)
     np.testing.assert_array_equal(whole.clearance, [*old.clearance[3:8], *new.clearance])
     np.testing.assert_array_equal(whole.self_clearance, [*old.self_clearance[3:8], *new.self_clearance])
     assert len(whole.clearance) == len(whole.reference.times) - 1
     # Beyond its end the arm stands, with the clearance that it has there.
-    later = old.continued_by(new, reference.duration, reference.duration + 1.0)
+    later = old.continue_by(new, reference.duration, reference.duration + 1.0)
     assert later.clearance[0] == old.clearance[-1]
-    assert new.continued_by(old, 0.0, 0.0).reference is reference
+    assert new.continue_by(old, 0.0, 0.0).reference is reference
 
 
 def test_nothing_but_the_certifier_makes_what_may_be_played():

@@ -49,7 +49,7 @@ class Played:
 
     @property
     def posture(self) -> np.ndarray:
-        return self.planner.commanded(self.now)[0]
+        return self.planner.commanded_state(self.now)[0]
 
     @property
     def to_goal(self) -> float:
@@ -63,10 +63,10 @@ class Played:
     def run(self, seconds: float) -> list[Plan]:
         first = len(self.plans)
         for _ in range(round(seconds / TICK)):
-            before = self.planner.commanded(self.now)
+            before = self.planner.commanded_state(self.now)
             self.plans.append(self.planner.tick(self.now))
             # What takes over begins later: until then nothing changes.
-            self.jump = max(self.jump, float(np.max(np.abs(self.planner.commanded(self.now)[0] - before[0]))))
+            self.jump = max(self.jump, float(np.max(np.abs(self.planner.commanded_state(self.now)[0] - before[0]))))
             self.now += TICK
             self.begun += self.plans[-1].trajectory is not None
             obstacles = self.planner.obstacles.at(self.now, 1.0)
@@ -80,7 +80,7 @@ class Played:
         while self.now < moved + 1.0:
             assert moved <= began + self.nominal.duration + 1.0
             self.run(0.1)
-            moved = self.now if np.any(self.planner.commanded(self.now)[1]) else moved
+            moved = self.now if np.any(self.planner.commanded_state(self.now)[1]) else moved
         return self.plans[-1]
 
 
@@ -121,7 +121,7 @@ def test_the_arm_goes_as_near_to_a_covered_goal_as_it_can_and_on_when_it_clears(
     assert first.trajectory.nearest > 0.0
     assert first.verdict.figures.clearance == pytest.approx(first.trajectory.nearest)
     assert "as near as it can" in first.verdict.reason
-    assert planner.to_goal() is None
+    assert planner.motion_to_goal() is None
     stands = played.run_to_rest()
     assert stands.mode is Mode.WAITING
     # Nothing may take it for arrived.
@@ -209,7 +209,7 @@ def test_what_moves_towards_an_approaching_arm_is_not_met_in_motion(planner: Rea
         planner.take_obstacles(Obstacles.of_spheres(centre[None], radius, velocity[None], played.now))
         played.least = math.inf
         played.run(TICK)
-        if np.max(np.abs(planner.commanded(played.now)[1])) > 1e-3:
+        if np.max(np.abs(planner.commanded_state(played.now)[1])) > 1e-3:
             moved.append(played.least)
     assert min(moved, default=1.0) > 0.0
 
@@ -278,7 +278,7 @@ def test_a_goal_that_the_declared_scene_covers_is_approached(name: str) -> None:
     for _ in range(round((free.nominal.duration + 2.0) / TICK)):
         verdicts.append(planner.tick(now).verdict)
         now += TICK
-        spheres = collision.positions(robot, planner.commanded(now)[0][None])[:, moving]
+        spheres = collision.positions(robot, planner.commanded_state(now)[0][None])[:, moving]
         nearest = min(nearest, float(scene.clearances(spheres, radii)[0]))
     assert {verdict.code for verdict in verdicts} == {VerdictCode.NO_FEASIBLE_PATH}
     assert all(verdict.figures.goal_covered and "inside 'wall'" in verdict.reason for verdict in verdicts)

@@ -215,13 +215,13 @@ def test_an_arm_that_stands_in_the_scene_is_located(skill: Skill, alone) -> None
 
 
 def test_a_skill_says_what_it_was_recorded_in(skill: Skill) -> None:
-    assert DeclaredScene.recorded(skill) is None
-    recorded = DeclaredScene.recorded(replace(skill, scene={"boxes": [TABLE]}))
+    assert DeclaredScene.of_skill(skill) is None
+    recorded = DeclaredScene.of_skill(replace(skill, scene={"boxes": [TABLE]}))
     assert recorded is not None
     assert recorded.names == ("table",)
     np.testing.assert_array_equal(recorded.solids, DeclaredScene.of({"boxes": [TABLE]}).solids)
     with pytest.raises(SkillError, match=f"skill {skill.name}: its scene is none: .* did you mean boxes"):
-        DeclaredScene.recorded(replace(skill, scene={"boxs": []}))
+        DeclaredScene.of_skill(replace(skill, scene={"boxs": []}))
 
 
 def test_a_skill_that_was_demonstrated_inside_the_scene_is_refused(skill: Skill) -> None:

@@ -7,7 +7,7 @@ import pytest
 
 from geodesic_motion_ros.obstacles.obstacles import Obstacles
 from geodesic_motion_ros.planning.arm_in_scene import ArmInScene, clearance_at
-from geodesic_motion_ros.planning.detour_band import Band, band_cost, drawn_tight
+from geodesic_motion_ros.planning.detour_band import Band, band_cost, draw_tight
 from geodesic_motion_ros.planning.detour_frame import DetourFrame
 from geodesic_motion_ros.planning.detour_search import LatticePath, cheapest_detour
 from geodesic_motion_ros.planning.status import Refusal
@@ -17,7 +17,7 @@ from geodesic_motion_ros.robot.kinematics import Robot
 PANDA, ARM = Robot.named("panda"), CollisionModel.named("panda")
 MARGIN, REACH = 0.005, 0.25
 SWING = PANDA.ready + np.linspace(-1.0, 1.0, 60)[:, None] * np.eye(7)[0]
-FRAME = DetourFrame.along(PANDA, SWING, np.linspace(0.0, 1.0, 60)[:, None], np.zeros((60, 3, 3)))
+FRAME = DetourFrame.of_base_path(PANDA, SWING, np.linspace(0.0, 1.0, 60)[:, None], np.zeros((60, 3, 3)))
 
 
 def among(centre: np.ndarray, radius: float) -> ArmInScene:
@@ -45,7 +45,7 @@ def found(request: pytest.FixtureRequest) -> tuple[ArmInScene, LatticePath, Band
     arm = among(centre, 0.04)
     path = cheapest_detour(FRAME, arm, REACH, MARGIN)
     assert not isinstance(path, Refusal), path
-    band = drawn_tight(FRAME, arm, path, REACH, MARGIN)
+    band = draw_tight(FRAME, arm, path, REACH, MARGIN)
     assert band is not None
     return arm, path, band
 
@@ -86,7 +86,7 @@ def test_without_obstacles_a_path_beside_falls_back_onto_the_base_path() -> None
     arm = ArmInScene.of(PANDA, ARM, Obstacles.none())
     beside = cheapest_detour(FRAME, among(FRAME.positions[len(FRAME) // 2], 0.04), REACH, MARGIN)
     assert not isinstance(beside, Refusal)
-    band = drawn_tight(FRAME, arm, beside, REACH, MARGIN)
+    band = draw_tight(FRAME, arm, beside, REACH, MARGIN)
     assert band is not None
     # The base path costs its length; of what the detour adds to that less than half is left.
     shortest = FRAME.step * (len(FRAME) - 1)

@@ -26,7 +26,7 @@ def swing(robot: Robot, samples: int = 90) -> np.ndarray:
 def frame_of(robot: Robot, covariance: np.ndarray) -> DetourFrame:
     path = swing(robot)
     latent = np.linspace(0.0, 1.0, len(path))[:, None] * [1.0, -2.0]
-    return DetourFrame.along(robot, path, latent, np.tile(covariance, (len(path), 1, 1)))
+    return DetourFrame.of_base_path(robot, path, latent, np.tile(covariance, (len(path), 1, 1)))
 
 
 @pytest.mark.parametrize("joints", [7, 6])

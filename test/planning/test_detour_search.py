@@ -51,7 +51,7 @@ def frame_along(robot: Robot) -> DetourFrame:
     count = len(robot.joint_names)
     middle = robot.ready if count == 7 else np.array([0.0, 0.4, 0.9, 0.3, 0.8, 0.1])[:count]
     path = middle + np.linspace(-1.0, 1.0, 60)[:, None] * np.eye(len(middle))[0]
-    return DetourFrame.along(robot, path, np.zeros((60, 2)), np.zeros((60, 3, 3)))
+    return DetourFrame.of_base_path(robot, path, np.zeros((60, 2)), np.zeros((60, 3, 3)))
 
 
 FRAME = frame_along(PANDA)

@@ -67,7 +67,7 @@ class Played:
         for _ in range(round(seconds / TICK)):
             self.plans.append(self.planner.tick(self.now))
             self.now += TICK
-            commanded = self.planner.commanded(self.now)
+            commanded = self.planner.commanded_state(self.now)
             assert commanded is not None
             self.postures.append(commanded[0])
         return self.plans[first:]
@@ -216,7 +216,7 @@ def test_a_detour_stays_where_something_else_changes_and_a_blocked_one_is_left_w
     planner.take_obstacles(blocker)
     played.ask()
     played.run(PATIENCE + 1.0)
-    reference, begin = planner.to_goal()
+    reference, begin = planner.motion_to_goal()
     elsewhere = np.array([[-0.8, 0.0, 0.2]])
     both = replace(
         blocker, centres=np.concatenate([blocker.centres, elsewhere]), radii=np.array([0.06, 0.05]),
@@ -225,7 +225,7 @@ def test_a_detour_stays_where_something_else_changes_and_a_blocked_one_is_left_w
     planner.take_obstacles(both)
     plans = played.run(0.3)
     assert all(plan.verdict.ok for plan in plans)
-    np.testing.assert_array_equal(planner.to_goal()[0].positions[-1], reference.positions[-1])
+    np.testing.assert_array_equal(planner.motion_to_goal()[0].positions[-1], reference.positions[-1])
     # Halfway on what is left another sphere falls onto the detour.
     ahead = reference.sample(played.now - begin + 0.5 * (begin + reference.duration - played.now))[0]
     centres = np.concatenate([blocker.centres, planner.robot.forward(ahead)[0][None]])
@@ -328,7 +328,7 @@ def test_the_first_base_is_of_the_mode_that_obstacles_bar_least() -> None:
         planner.skill, planner.graph, planner.settings, planner.robot, planner.collision, planner.limits, planner.scene
     )
     played, detours = Played(planner), DetourPlanner(solver)
-    prepared = planner.prepared_goal(played.goal[:3], played.goal[3:])
+    prepared = planner.prepare_goal(played.goal[:3], played.goal[3:])
     assert isinstance(prepared, PreparedGoal)
     (geodesic,) = detours.frames(prepared.query, Obstacles.none())
     middle = geodesic.configurations[len(geodesic) // 2]
@@ -348,7 +348,7 @@ def test_where_one_mode_was_demonstrated_there_is_one_base() -> None:
         planner.skill, planner.graph, planner.settings, planner.robot, planner.collision, planner.limits, planner.scene
     )
     played = Played(planner)
-    prepared = planner.prepared_goal(played.goal[:3], played.goal[3:])
+    prepared = planner.prepare_goal(played.goal[:3], played.goal[3:])
     assert isinstance(prepared, PreparedGoal)
     assert len(DetourPlanner(solver).frames(prepared.query, on_the_hand(planner, halfway(played)))) == 1
 

@@ -50,7 +50,7 @@ def test_a_goal_a_millimetre_away_is_moved_to(name: str) -> None:
     reason, moved = farthest(planner, 600)
     assert reason == ""
     assert moved > 0.0
-    there, _ = planner.robot.forward(planner.commanded(5.99)[0])
+    there, _ = planner.robot.forward(planner.commanded_state(5.99)[0])
     np.testing.assert_allclose(there, position + [0.0, 0.0, 1e-3], atol=1e-4)
 
 

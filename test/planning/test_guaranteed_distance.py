@@ -34,7 +34,7 @@ def played(skill: Skill, **settings: float) -> tuple[Plan, float]:
     least, moved = np.inf, start
     for now in np.arange(0.0, 6.0, TICK):
         plan = planner.tick(now)
-        moved = planner.commanded(now)[0]
+        moved = planner.commanded_state(now)[0]
         least = min(least, obstacle_clearance(planner.collision, planner.robot, moved, sphere)[0])
     assert np.linalg.norm(moved - start) > 0.1, "the arm did not set out"
     return plan, least

@@ -69,7 +69,7 @@ class Played:
         for _ in range(round(seconds / TICK)):
             plans.append(self.planner.tick(self.now))
             self.now += TICK
-            commanded = self.planner.commanded(self.now)
+            commanded = self.planner.commanded_state(self.now)
             assert commanded is not None
             self.postures.append(commanded[0])
         return plans
@@ -190,7 +190,7 @@ def test_a_goal_prepared_before_an_object_was_taken_is_reached_with_it(planner) 
     obstacles = beside_the_bottle(planner)
     planner.take_obstacles(obstacles)
     goal = planner.skill.goal_pose
-    prepared = planner.prepared_goal(goal[:3], goal[3:])
+    prepared = planner.prepare_goal(goal[:3], goal[3:])
     assert planner.hold([BOTTLE]).ok
     assert planner.take_goal(prepared).ok
     played = Played(planner)
@@ -206,7 +206,7 @@ def test_objects_are_prepared_in_another_thread_while_ticks_go_on(planner) -> No
     played = Played(planner)
     played.run(0.1)
     with ThreadPoolExecutor(1) as background:
-        preparing = background.submit(planner.prepared_arm, [BOTTLE])
+        preparing = background.submit(planner.prepare_arm, [BOTTLE])
         played.run(0.1)
         prepared = preparing.result()
     # Meanwhile another goal was taken: what was carried to the one before is of no use.

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from geodesic_motion_ros.planning.declared_scene import DeclaredScene
-from geodesic_motion_ros.planning.largest_sphere import INTERIOR, LARGEST, STEP, SpherePlaces, largest_passed
+from geodesic_motion_ros.planning.largest_sphere import INTERIOR, LARGEST, STEP, SpherePlaces, find_largest_passed
 from geodesic_motion_ros.planning.plan import Plan
 from geodesic_motion_ros.planning.planner import ReactivePlanner
 from geodesic_motion_ros.skill.skill import Skill
@@ -21,7 +21,7 @@ def planner(canonical_fan_skill: Skill) -> ReactivePlanner:
 def places(planner: ReactivePlanner) -> SpherePlaces:
     motion = planned(planner).reference
     assert motion is not None
-    return SpherePlaces.along(planner, motion, 3)
+    return SpherePlaces.of_motion(planner, motion, 3)
 
 
 def planned(planner: ReactivePlanner, centre: np.ndarray | None = None, radius: float = 0.0) -> Plan:
@@ -35,7 +35,7 @@ def planned(planner: ReactivePlanner, centre: np.ndarray | None = None, radius: 
 def test_what_is_smaller_is_passed_and_what_is_larger_is_not(planner, places, detour) -> None:
     planner.set_detour(detour)
     centre, free = places.centres[1], float(places.free[1])
-    radius, reason = largest_passed(planner, centre, free)
+    radius, reason = find_largest_passed(planner, centre, free)
     assert 0.0 < radius < LARGEST
     assert planned(planner, centre, radius).verdict.ok
     assert planned(planner, centre, 0.5 * radius).verdict.ok
@@ -47,7 +47,7 @@ def test_what_is_smaller_is_passed_and_what_is_larger_is_not(planner, places, de
 
 def test_a_sphere_far_from_the_arm_is_passed_at_any_size(planner) -> None:
     """The control."""
-    assert largest_passed(planner, np.array([0.0, 0.0, 2.5]), 1.0) == (pytest.approx(LARGEST), "")
+    assert find_largest_passed(planner, np.array([0.0, 0.0, 2.5]), 1.0) == (pytest.approx(LARGEST), "")
 
 
 def test_places_lie_on_the_motion_and_a_sphere_there_that_leaves_the_ends_free_touches_neither(planner, places) -> None:

@@ -13,7 +13,7 @@ from geodesic_motion_ros.planning.status import Refusal, VerdictCode
 from geodesic_motion_ros.utils.deadline import NEVER
 
 CAUTIOUS = tuple(attempt for attempt in ATTEMPTS if not attempt.optimistic)
-SOLVER = SimpleNamespace(attempts=ATTEMPTS, cautious=CAUTIOUS)
+SOLVER = SimpleNamespace(attempts=ATTEMPTS, cautious_attempts=CAUTIOUS)
 QUERY = SimpleNamespace()
 NO_PATH = Refusal(VerdictCode.NO_FEASIBLE_PATH, "no path")
 TICK = 0.01
@@ -22,7 +22,7 @@ TICK = 0.01
 def situation(now: float, static: bool = False) -> SimpleNamespace:
     obstacles = Obstacles.none() if static else SimpleNamespace(is_static=False)
     times = {"now": now, "deadline": NEVER, "handover_deadline": NEVER}
-    return SimpleNamespace(followed=None, obstacles=obstacles, expected=obstacles, **times)
+    return SimpleNamespace(followed=None, obstacles=obstacles, expected_obstacles=obstacles, **times)
 
 
 def tried(
@@ -35,7 +35,7 @@ def tried(
     memory, chosen, others = AttemptMemory(), [], iter(shared)
     for tick in range(ticks):
         now = situation(tick * TICK, static)
-        attempts, memory = memory.chosen_attempts(SOLVER, QUERY, now, lambda _: next(others, False))
+        attempts, memory = memory.choose_attempts(SOLVER, QUERY, now, lambda _: next(others, False))
         memory = replace(memory, without_path=QUERY, refusal=refusal)
         chosen.append(attempts)
     return chosen

@@ -43,11 +43,11 @@ def test_an_arm_passes_through_all_modes(planner: ReactivePlanner) -> None:
     run(0.05)
     assert planner.set_goal_configuration(goal).ok
     run(TICK)
-    reference, _ = planner.to_goal()
+    reference, _ = planner.motion_to_goal()
     run(0.5 * reference.duration)
     planner.set_obstacles(covered[None], np.array([ON_GOAL]))
     run(2.0)
-    hand, met = robot.forward(planner.commanded(now)[0])[0], now + 3.0
+    hand, met = robot.forward(planner.commanded_state(now)[0])[0], now + 3.0
     for _ in range(round(PASSING / TICK)):
         centres = np.stack([covered, hand + (now - met) * FALL])
         velocities = np.stack([np.zeros(3), FALL])

@@ -10,7 +10,7 @@ import pytest
 
 from geodesic_motion_ros.obstacles.obstacles import Obstacles
 from geodesic_motion_ros.planning.certificate import ArmCertifier
-from geodesic_motion_ros.planning.path_timer import JointCurve, PathTimer, TimedPath, meeting
+from geodesic_motion_ros.planning.path_timer import JointCurve, PathTimer, TimedPath, meet_ends
 from geodesic_motion_ros.planning.plan import MotionState
 from geodesic_motion_ros.planning.search import LatentPath, cheapest_path
 from geodesic_motion_ros.planning.status import Refusal
@@ -50,9 +50,9 @@ def in_motion(timed: TimedPath, time: float) -> MotionState:
 
 
 def test_a_motion_begins_in_the_state_that_it_takes_over_and_ends_at_rest_at_the_goal(bench, timer, path) -> None:
-    first = timer.timed(bench.query, resting(bench), path, True, math.inf)
+    first = timer.time_path(bench.query, resting(bench), path, True, math.inf)
     state = in_motion(first, 0.1)
-    second = timer.timed(bench.query, state, path, True, math.inf)
+    second = timer.time_path(bench.query, state, path, True, math.inf)
     for timed, begun in ((first, resting(bench)), (second, state)):
         reference = timed.reference
         assert reference.keeps(bench.planner.limits)
@@ -75,11 +75,11 @@ def test_a_path_that_does_not_lead_to_the_goal_ends_where_it_ends(bench, timer, 
 
 
 def test_what_takes_longer_than_would_be_a_gain_is_not_timed_and_says_so(bench, timer, path) -> None:
-    whole = timer.timed(bench.query, resting(bench), path, True, math.inf)
-    short = timer.timed(bench.query, resting(bench), path, True, 0.2 * whole.reference.duration)
+    whole = timer.time_path(bench.query, resting(bench), path, True, math.inf)
+    short = timer.time_path(bench.query, resting(bench), path, True, 0.2 * whole.reference.duration)
     assert isinstance(short, Refusal)
     assert "no gain" in short.reason
-    long = timer.timed(bench.query, resting(bench), path, True, 2.0 * whole.reference.duration)
+    long = timer.time_path(bench.query, resting(bench), path, True, 2.0 * whole.reference.duration)
     np.testing.assert_array_equal(long.reference.positions, whole.reference.positions)
 
 
@@ -89,22 +89,22 @@ def test_an_arm_that_stands_is_not_asked_to_stop_first(bench, timer) -> None:
     curve = np.linspace(state.position, state.position, 30)
     curve[:, 3] = np.linspace(state.position[3], upper + 0.1, 30)
     latent = np.zeros((30, 3))
-    standing = timer.timed_curve(state, JointCurve(curve, latent, 0.0))
+    standing = timer.time_curve(state, JointCurve(curve, latent, 0.0))
     assert isinstance(standing, Refusal)
     joint = bench.planner.robot.joint_names[3]
     assert standing.reason == f"the path to the goal leads beyond the limit of joint '{joint}', by 0.100 rad"
     moves = replace(state, velocity=np.full(len(state.position), 0.1))
-    moving = timer.timed_curve(moves, JointCurve(curve, latent, 0.0))
+    moving = timer.time_curve(moves, JointCurve(curve, latent, 0.0))
     assert isinstance(moving, Refusal)
     assert moving.reason.startswith("stopping first: ")
     # the control: the same path, as far as the joint goes
     curve[:, 3] = np.linspace(state.position[3], upper - 0.1, 30)
-    assert isinstance(timer.timed_curve(state, JointCurve(curve, latent, 0.0)), TimedPath)
+    assert isinstance(timer.time_curve(state, JointCurve(curve, latent, 0.0)), TimedPath)
 
 
 def test_a_curve_is_moved_onto_its_ends_and_says_by_how_much() -> None:
     curve = np.linspace([0.0, 0.0], [1.0, 0.0], 11)
-    moved = meeting(curve, curve, np.array([0.0, 0.1]), np.array([1.0, -0.3]))
+    moved = meet_ends(curve, curve, np.array([0.0, 0.1]), np.array([1.0, -0.3]))
     np.testing.assert_allclose(moved.configurations[[0, 5, -1]], [[0.0, 0.1], [0.5, -0.1], [1.0, -0.3]], atol=1e-12)
     assert moved.correction == pytest.approx(0.3)
-    np.testing.assert_array_equal(meeting(curve, curve, curve[0], curve[-1]).configurations, curve)
+    np.testing.assert_array_equal(meet_ends(curve, curve, curve[0], curve[-1]).configurations, curve)

@@ -11,7 +11,7 @@ import pytest
 
 from geodesic_motion_ros.obstacles.obstacles import Obstacles
 from geodesic_motion_ros.planning.plan import MotionState
-from geodesic_motion_ros.planning.retry import Asked, Question, Workings, is_due
+from geodesic_motion_ros.planning.retry import PastSearch, Question, Workings, is_due
 from geodesic_motion_ros.planning.search import LatentPath
 from geodesic_motion_ros.planning.status import Refusal, VerdictCode
 
@@ -39,26 +39,26 @@ LATER = {
 
 @pytest.mark.parametrize(("later", "changed"), LATER.values(), ids=LATER)
 def test_a_search_is_made_again_a_period_later_where_something_has_changed_and_else_never(later, changed) -> None:
-    asked = Asked(QUESTION, 1.0)
+    asked = PastSearch(QUESTION, 1.0)
     for after, period in product((0.0, 0.5 * PERIOD, PERIOD, 100.0), (0.0, PERIOD)):
         assert is_due(asked, later, 1.0 + after, period) is (changed and after >= period)
 
 
 def test_what_moves_is_asked_about_again_although_it_is_the_same() -> None:
-    asked = Asked(Question(QUERY, sphere(speed=0.1)), 1.0)
+    asked = PastSearch(Question(QUERY, sphere(speed=0.1)), 1.0)
     assert is_due(asked, asked.question, 1.0 + PERIOD, PERIOD)
     assert not is_due(asked, asked.question, 1.0 + 0.9 * PERIOD, PERIOD)
 
 
 def test_another_query_is_searched_at_once_and_so_is_what_was_never_searched() -> None:
     assert is_due(None, QUESTION, 1.0, PERIOD)
-    assert is_due(Asked(QUESTION, 1.0), replace(QUESTION, about=OTHER), 1.0, PERIOD)
+    assert is_due(PastSearch(QUESTION, 1.0), replace(QUESTION, about=OTHER), 1.0, PERIOD)
 
 
 def test_what_was_out_of_time_has_no_answer_yet() -> None:
     """The control: with the same question, in time."""
     for answered in (False, True):
-        assert is_due(Asked(QUESTION, 1.0, answered), QUESTION, 1.0 + PERIOD, PERIOD) is not answered
+        assert is_due(PastSearch(QUESTION, 1.0, answered), QUESTION, 1.0 + PERIOD, PERIOD) is not answered
 
 
 class CountingTimer:
@@ -67,7 +67,7 @@ class CountingTimer:
     def __init__(self) -> None:
         self.timed_paths = 0
 
-    def timed(self, *_: object) -> Refusal:
+    def time_path(self, *_: object) -> Refusal:
         self.timed_paths += 1
         return Refusal(VerdictCode.NO_FEASIBLE_PATH, "timed")
 
@@ -77,15 +77,15 @@ def test_one_path_from_one_state_is_timed_once() -> None:
     timer, workings = CountingTimer(), Workings()
     path = LatentPath(np.arange(2), np.zeros((2, 3)), energy=0.0, gap=0.0)
     state = MotionState(0.0, HERE, HERE, HERE, None)
-    first = workings.timed(timer, QUERY, state, path, True, math.inf)
-    assert workings.timed(timer, QUERY, replace(state, time=7.0), path, True, math.inf) is first
+    first = workings.time_path(timer, QUERY, state, path, True, math.inf)
+    assert workings.time_path(timer, QUERY, replace(state, time=7.0), path, True, math.inf) is first
     assert timer.timed_paths == 1
     others = [
         (QUERY, state, replace(path, polyline=np.ones((2, 3))), True), (QUERY, state, path, False),
         (QUERY, replace(state, velocity=THERE), path, True), (OTHER, state, path, True),
     ]  # fmt: skip
     for number, other in enumerate(others):
-        assert workings.timed(timer, *other, math.inf) is not first
+        assert workings.time_path(timer, *other, math.inf) is not first
         assert timer.timed_paths == number + 2
 
 
@@ -93,9 +93,9 @@ def test_a_copy_goes_on_and_its_original_stays_as_it_was() -> None:
     timer, workings = CountingTimer(), Workings()
     path = LatentPath(np.arange(2), np.zeros((2, 3)), energy=0.0, gap=0.0)
     state = MotionState(0.0, HERE, HERE, HERE, None)
-    copy = workings.copied()
-    copy.timed(timer, QUERY, state, path, True, math.inf)
+    copy = workings.copy()
+    copy.time_path(timer, QUERY, state, path, True, math.inf)
     assert (workings.timed_from, workings.motions) == (None, {})
-    again = copy.copied()
-    again.timed(timer, QUERY, state, path, True, math.inf)
+    again = copy.copy()
+    again.time_path(timer, QUERY, state, path, True, math.inf)
     assert timer.timed_paths == 1

@@ -69,7 +69,7 @@ def test_a_sphere_across_two_boxes_is_outside() -> None:
 def test_a_sphere_is_inside_where_it_passes_along_the_base_path() -> None:
     direction = np.array([1.0, 0.3, 0.0, -0.2, 0.0, 0.5, 0.0])
     base, between = (PANDA.ready + np.linspace(-0.5, 0.5, count)[:, None] * direction for count in (9, 333))
-    seen = SeenVolume.beside(base, DeclaredScene.empty().seen, PANDA, ARM)
+    seen = SeenVolume.of_base_path(base, DeclaredScene.empty().seen, PANDA, ARM)
     placed, spheres = ARM.positions(PANDA, between), range(len(ARM))
     depths = [seen_depth(*body[s], s, ARM.radii[s], seen, 1.0) for body in placed for s in spheres]
     assert min(depths) > 0.7 * BASE_ALLOWANCE

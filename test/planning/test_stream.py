@@ -14,7 +14,7 @@ from geodesic_motion_ros.obstacles.obstacles import Obstacles
 from geodesic_motion_ros.planning.certificate import ArmCertifier, JudgedTrajectory
 from geodesic_motion_ros.planning.mode import Mode, Purpose
 from geodesic_motion_ros.planning.plan import Plan
-from geodesic_motion_ros.planning.played import Followed, PlayedTrajectory
+from geodesic_motion_ros.planning.played import FollowedPlan, PlayedTrajectory
 from geodesic_motion_ros.planning.settings import PlannerSettings
 from geodesic_motion_ros.planning.situation import Situation
 from geodesic_motion_ros.planning.status import Refusal, Verdict, VerdictCode
@@ -37,7 +37,7 @@ OK, NO_PATH = Verdict(), Refusal(VerdictCode.NO_FEASIBLE_PATH, "no path")
 
 
 def judged(reference: JointReference, obstacles: Obstacles | None = None) -> JudgedTrajectory:
-    return CERTIFIER.judged(reference, CERTIFIER.certify(reference, obstacles or Obstacles.none(), 1.6))
+    return CERTIFIER.judge(reference, CERTIFIER.certify(reference, obstacles or Obstacles.none(), 1.6))
 
 
 def timed(start: np.ndarray, goal: np.ndarray, *motion: np.ndarray) -> JointReference | None:
@@ -78,12 +78,12 @@ def going(
     stream.stand(judged(JointReference.standing(ROBOT.ready, np.zeros(2))), now)
     plan = Plan(straight(ROBOT.ready, ROBOT.ready + TURN), now, OK.with_figures(clearance=clearance))
     start = at(stream, now, settings=settings)
-    stream.commit(start.handed_out(plan, Followed.begun(QUERY, plan, start.obstacles, start.now, purpose)), now)
+    stream.commit(start.hand_out(plan, FollowedPlan.of(QUERY, plan, start.obstacles, start.now, purpose)), now)
     return stream
 
 
 def stopped(stream: Stream, situation: Situation) -> Plan:
-    return stream.commit(situation.stopped(NO_PATH), situation.now)
+    return stream.commit(situation.begin_stop(NO_PATH), situation.now)
 
 
 def ball(posture: np.ndarray, velocity: np.ndarray | None = None, radius: float = 0.05) -> Obstacles:
@@ -96,9 +96,9 @@ def test_a_switch_is_no_nearer_to_a_knot_than_knots_may_be() -> None:
     played = PlayedTrajectory(straight(ROBOT.ready, ROBOT.ready + TURN), 2.0, CERTIFIER)
     knot = 2.0 + played.reference.times[5]
     assert played.knot_before(knot + 1e-4) == knot
-    assert played.switch(knot + 1e-4) == pytest.approx(knot + 1e-3)
-    assert played.switch(knot + 2e-3) == knot + 2e-3
-    assert played.switch(played.end + 1.0) == played.knot_before(played.end + 1.0) == played.end + 1.0
+    assert played.switch_time(knot + 1e-4) == pytest.approx(knot + 1e-3)
+    assert played.switch_time(knot + 2e-3) == knot + 2e-3
+    assert played.switch_time(played.end + 1.0) == played.knot_before(played.end + 1.0) == played.end + 1.0
 
 
 def test_one_path_takes_over_from_another_in_its_state_of_motion_and_the_past_is_remembered() -> None:
@@ -108,20 +108,20 @@ def test_one_path_takes_over_from_another_in_its_state_of_motion_and_the_past_is
     assert np.max(np.abs(state.velocity)) > 0.1
     goal = ROBOT.ready + 0.7 * TURN + 0.1
     plan = Plan(straight(state.position, goal, state.velocity, state.acceleration), state.time, OK)
-    handed = stream.commit(situation.handed_out(plan, Followed.begun(QUERY, plan, situation.obstacles, 0.4)), 0.4)
+    handed = stream.commit(situation.hand_out(plan, FollowedPlan.of(QUERY, plan, situation.obstacles, 0.4)), 0.4)
     assert handed.begin == before.knot_before(0.4)
     assert handed.trajectory is stream.played.trajectory
     times = np.arange(0.3, stream.played.end, 0.001)
-    played = np.array([stream.commanded(time) for time in times])
+    played = np.array([stream.commanded_state(time) for time in times])
     assert np.max(np.abs(np.diff(played[:, 0], axis=0))) < 0.001 * 1.001 * np.max(LIMITS.velocity)
     assert np.max(np.abs(np.diff(played[:, 2], axis=0))) < 0.001 * 1.001 * np.max(LIMITS.jerk)
     # Before the new trajectory begins the one before it counts.
     np.testing.assert_array_equal(played[0], before.reference.sample(times[0]))
-    np.testing.assert_allclose(stream.commanded(stream.played.end)[0], goal, atol=1e-9)
-    rest, knot = stream.playing(0.5)
+    np.testing.assert_allclose(stream.commanded_state(stream.played.end)[0], goal, atol=1e-9)
+    rest, knot = stream.remaining_motion(0.5)
     assert knot <= 0.5
-    np.testing.assert_allclose(rest.sample(0.5 - knot)[0], stream.commanded(0.5)[0], atol=1e-12)
-    assert stream.playing(stream.played.end) is None
+    np.testing.assert_allclose(rest.sample(0.5 - knot)[0], stream.commanded_state(0.5)[0], atol=1e-12)
+    assert stream.remaining_motion(stream.played.end) is None
 
 
 @pytest.mark.parametrize("clock", [0.0, 1.8e9])
@@ -135,8 +135,8 @@ def test_what_is_joined_keeps_the_limits_and_the_motion_by_any_clock(clock) -> N
         goal = ROBOT.ready + random.uniform(-1.0, 1.0) * TURN + random.uniform(-0.2, 0.2, 7)
         new = timed(state.position, goal, state.velocity, state.acceleration) or situation.stop.reference
         plan = Plan(judged(new), state.time, OK)
-        followed = Followed.begun(QUERY, plan, situation.obstacles, now)
-        handed = stream.commit(situation.handed_out(plan, followed), now)
+        followed = FollowedPlan.of(QUERY, plan, situation.obstacles, now)
+        handed = stream.commit(situation.hand_out(plan, followed), now)
         assert handed.reference.keeps(LIMITS)
         shortest = min(shortest, np.min(np.diff(handed.reference.times)))
         at_times = np.linspace(now, state.time, 20)
@@ -153,14 +153,14 @@ def test_another_one_takes_over_at_a_knot_that_would_follow_at_once() -> None:
     knot = played.knot_before(1.8e9 + played.reference.times[9] + 1e-3)
     assert knot - 1.8e9 == pytest.approx(played.reference.times[9], abs=2.4e-7)
     assert knot - 1.8e9 >= played.reference.times[9] - 1e-13
-    assert played.switch(np.nextafter(knot, 0.0)) == knot
-    assert played.switch(knot - 1e-4) == knot - 1e-4
+    assert played.switch_time(np.nextafter(knot, 0.0)) == knot
+    assert played.switch_time(knot - 1e-4) == knot - 1e-4
 
 
 def test_a_stop_keeps_to_the_path_and_is_handed_out_once() -> None:
     stream = going()
     path, situation = stream.played, at(stream, 0.5)
-    assert situation.mode(situation.stopped(NO_PATH)) is Mode.STOPPING
+    assert situation.mode(situation.begin_stop(NO_PATH)) is Mode.STOPPING
     plan = stopped(stream, situation)
     assert plan.verdict.reason == "no path"
     position, velocity, acceleration = plan.reference.sample(plan.reference.duration)
@@ -168,7 +168,7 @@ def test_a_stop_keeps_to_the_path_and_is_handed_out_once() -> None:
     passed = path.reference.samples(np.linspace(0.0, path.reference.duration, 5000))[0]
     assert np.min(np.linalg.norm(passed - position, axis=1)) < 1e-3
     assert 0.05 < position[0] - ROBOT.ready[0] < 1.1
-    assert stream.to_goal() is None
+    assert stream.motion_to_goal() is None
     assert stopped(stream, at(stream, 0.52)).trajectory is None
 
 
@@ -215,7 +215,7 @@ def test_an_assessment_changes_nothing() -> None:
     before = stream.played, stream.followed
     situation = at(stream, 0.5, ball(ROBOT.ready + 0.35 * TURN, np.array([0.0, 0.0, 0.1])))
     situation.free_path(QUERY)
-    situation.stopped(NO_PATH)
+    situation.begin_stop(NO_PATH)
     assert (stream.played, stream.followed) == before
 
 
@@ -297,9 +297,9 @@ def test_a_new_path_is_a_gain_where_it_takes_clearly_less_time_or_the_old_one_wa
     slower = judged(replace(reference, times=longer * reference.times))
     plan = Plan(slower, 0.0, OK)
     followed = replace(stream.followed, optimistic=optimistic)
-    assert situation.gains(plan, followed) is gain
+    assert situation.is_gain(plan, followed) is gain
     assert not gain or plan.reference.duration < situation.longest_worthwhile(followed)
-    assert not situation.gains(replace(plan, trajectory=None), followed)
+    assert not situation.is_gain(replace(plan, trajectory=None), followed)
 
 
 @pytest.mark.parametrize("purpose", list(Purpose))
@@ -307,11 +307,11 @@ def test_an_arm_that_brakes_by_itself_is_on_no_path_and_the_reason_is_kept(purpo
     stream = going(purpose=purpose)
     situation = at(stream, 0.5)
     stop = situation.stop.reference
-    stream.braked(judged(stop), situation.state.time, NO_PATH)
-    assert stream.to_goal() is None
-    assert at(stream, 0.5).following(QUERY) is None
+    stream.record_braking(judged(stop), situation.state.time, NO_PATH)
+    assert stream.motion_to_goal() is None
+    assert at(stream, 0.5).followed_to(QUERY) is None
     assert (stream.followed.verdict, stream.followed.purpose) == (NO_PATH, Purpose.STOP)
-    np.testing.assert_allclose(stream.commanded(situation.state.time + 5.0)[0], stop.positions[-1])
+    np.testing.assert_allclose(stream.commanded_state(situation.state.time + 5.0)[0], stop.positions[-1])
     stream.forget()
-    assert stream.commanded(1.0) is None
-    assert stream.to_goal() is None
+    assert stream.commanded_state(1.0) is None
+    assert stream.motion_to_goal() is None

@@ -130,7 +130,7 @@ def played(planner: ReactivePlanner, obstacles: Obstacles, seconds: float = 12.0
     commanded = []
     for number in range(int(seconds / TICK)):
         planner.tick(number * TICK)
-        commanded.append(planner.commanded((number + 1) * TICK)[0])
+        commanded.append(planner.commanded_state((number + 1) * TICK)[0])
     return np.array(commanded)
 
 
@@ -185,7 +185,7 @@ def test_an_arm_that_was_stopped_goes_on_where_its_goal_would_be_reached_if_sent
         codes.append(planner.tick(now).verdict.code)
     assert VerdictCode.NO_FEASIBLE_PATH in codes
     if codes[-1] is not VerdictCode.OK:
-        planner.stand_at(planner.commanded(now)[0], now)
+        planner.stand_at(planner.commanded_state(now)[0], now)
         assert planner.set_goal(GOAL.position, GOAL.quaternion).ok
         assert planner.tick(now).verdict.code is VerdictCode.NO_FEASIBLE_PATH
 

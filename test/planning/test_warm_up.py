@@ -51,7 +51,7 @@ PLANNED = """
 planner = ReactivePlanner(skill, scene=DeclaredScene.empty())
 load_kernels(planner)
 before = loaded()
-assert planner.commanded(0.0) is None and planner.tick(0.0).verdict.code is VerdictCode.STALE_STATE
+assert planner.commanded_state(0.0) is None and planner.tick(0.0).verdict.code is VerdictCode.STALE_STATE
 ends = skill.start_pose[:3], skill.start_pose[3:], skill.goal_pose[:3], skill.goal_pose[3:]
 codes = set()
 for path in example_paths(planner):
@@ -86,7 +86,7 @@ planner.stand_at(middle, 20.0)
 planner.set_goal_configuration(path[-1])
 for number in range(60):
     now = 20.0 + 0.01 * number
-    hand = planner.robot.forward(planner.commanded(now)[0])[0]
+    hand = planner.robot.forward(planner.commanded_state(now)[0])[0]
     centre = hand + (0.3 - 0.003 * number) * from_right
     planner.take_obstacles(Obstacles.of_spheres(centre, np.full(1, 0.1), -0.3 * from_right, now))
     planner.tick(now)

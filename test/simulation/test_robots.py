@@ -17,7 +17,7 @@ from geodesic_motion_ros.simulation.world import ArmWorld
 from geodesic_motion_ros.trajectory.timing import timed_joint_reference
 from geodesic_motion_ros.trajectory.trajectory import JointReference
 
-TABLE = DeclaredScene.named("table")
+TABLE = DeclaredScene.from_name("table")
 
 
 @pytest.mark.parametrize("name", shipped_robots())

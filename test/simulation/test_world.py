@@ -27,7 +27,7 @@ DOWN = np.array([0.0, 1.0, 0.0, 0.0])
 
 @pytest.fixture(scope="module")
 def shared_world() -> Iterator[ArmWorld]:
-    with ArmWorld(scene=DeclaredScene.named("table")) as world:
+    with ArmWorld(scene=DeclaredScene.from_name("table")) as world:
         yield world
 
 

@@ -1,3 +1,3 @@
-"""What an arm without a path to its goal may do: one proposer a file. They do not know each other; `arbiter.py` ranks
-them.
+"""The reactions of an arm without a path to its goal: one proposer a file. They do not know each other; `arbiter.py`
+ranks them.
 """

@@ -13,24 +13,24 @@ from dataclasses import replace
 from geodesic_motion_ros.planning import settings as constants
 from geodesic_motion_ros.planning.approach_motion import approach_to_covered
 from geodesic_motion_ros.planning.mode import Purpose
-from geodesic_motion_ros.planning.played import Followed
+from geodesic_motion_ros.planning.played import FollowedPlan
 from geodesic_motion_ros.planning.proposers.turn import Proposer, Turn
-from geodesic_motion_ros.planning.retry import Asked, Question, is_due
+from geodesic_motion_ros.planning.retry import PastSearch, Question, is_due
 
 #: The name of the requirement of an approach.
 APPROACH = "approach"
 
 
 class KeptApproach(Proposer):
-    """Proposes to go on with the approach that the arm follows, as long as that is free."""
+    """A proposer of going on with the approach that the arm follows, as long as that is free."""
 
     def propose(self, turn: Turn) -> Turn:
-        """Go on."""
-        return replace(turn, step=turn.situation.still_approaching(turn.query, turn.verdict))
+        """Propose to go on."""
+        return replace(turn, step=turn.situation.go_on_approaching(turn.query, turn.verdict))
 
 
 class Approach(Proposer):
-    """Proposes to go as near to a covered goal as is free, nearer than the arm is, or is going already.
+    """A proposer of going as near to a covered goal as is free, nearer than the arm is, or is going already.
 
     It does not take the tick: few goals are covered, and the attempts at a path come first.
     """
@@ -38,27 +38,28 @@ class Approach(Proposer):
     def propose(self, turn: Turn) -> Turn:
         """Begin an approach: the plan's verdict states why there is no path, and how near the arm goes."""
         situation, memory, query = turn.situation, turn.memory, turn.query
-        if not self._serves(turn) or not is_due(memory.asked.get(APPROACH), *self._asking(turn)):
+        if not self._serves(turn) or not is_due(memory.past_searches.get(APPROACH), *self._asking(turn)):
             return turn
         if situation.deadline.passed:
-            return replace(turn, memory=memory.interrupted(turn.verdict))
+            return replace(turn, memory=memory.interrupt(turn.verdict))
         followed = situation.followed
         remaining = followed.remaining if followed is not None and followed.query is query else math.inf
         found = approach_to_covered(
-            turn.arm.solver, query, situation.state, situation.expected, turn.verdict, remaining, situation.deadline
-        )
+            turn.arm.solver, query, situation.state, situation.expected_obstacles, turn.verdict, remaining,
+            situation.deadline,
+        )  # fmt: skip
         if situation.handover_deadline.passed or (found is None and situation.deadline.passed):
             # An approach that was not found for want of time, or too late, is searched again.
-            return replace(turn, memory=memory.interrupted(turn.verdict))
+            return replace(turn, memory=memory.interrupt(turn.verdict))
         question, now, _ = self._asking(turn)
         plan = None if found is None else situation.require_a_stop(found.plan)
-        memory = replace(memory, asked={**memory.asked, APPROACH: Asked(question, now)})
+        memory = replace(memory, past_searches={**memory.past_searches, APPROACH: PastSearch(question, now)})
         if found is None or plan is None or plan.trajectory is None:
             return replace(turn, memory=memory)
-        begun = Followed.begun(query, plan, situation.obstacles, now, Purpose.APPROACH, found.remaining)
+        begun = FollowedPlan.of(query, plan, situation.obstacles, now, Purpose.APPROACH, found.remaining)
         # The arm leaves where it was blocked.
         memory = replace(memory, blocked=None, detour=None)
-        return replace(turn, memory=memory, step=situation.handed_out(plan, begun), decided=True)
+        return replace(turn, memory=memory, step=situation.hand_out(plan, begun), decided=True)
 
     @staticmethod
     def _serves(turn: Turn) -> bool:

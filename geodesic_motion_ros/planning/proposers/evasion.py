@@ -13,10 +13,10 @@ from geodesic_motion_ros.planning import settings as constants
 from geodesic_motion_ros.planning.evasion_motion import evasion_beside_graph, evasion_on_graph
 from geodesic_motion_ros.planning.mode import Purpose
 from geodesic_motion_ros.planning.plan import Plan
-from geodesic_motion_ros.planning.played import Followed
+from geodesic_motion_ros.planning.played import FollowedPlan
 from geodesic_motion_ros.planning.proposers.turn import Proposer, Turn
 from geodesic_motion_ros.planning.requirement import Requirement
-from geodesic_motion_ros.planning.retry import Asked, Question, is_due
+from geodesic_motion_ros.planning.retry import PastSearch, Question, is_due
 from geodesic_motion_ros.planning.status import VerdictCode
 
 #: The names of the requirements of evasions, to a place on the graph and to one beside it.
@@ -24,18 +24,18 @@ ON_GRAPH, BESIDE_GRAPH = "evasion", "beside_graph"
 
 
 class KeptEvasion(Proposer):
-    """Proposes to go on evading, where there is no time to search another path, as long as that is free."""
+    """A proposer of going on to evade, where there is no time to search another path, as long as that is free."""
 
     def propose(self, turn: Turn) -> Turn:
-        """Go on."""
+        """Propose to go on."""
         if turn.step is not None or not turn.situation.is_late:
             return turn
-        return replace(turn, step=turn.situation.still_evading())
+        return replace(turn, step=turn.situation.go_on_evading())
 
 
 @dataclass(frozen=True)
 class Evasion(Proposer):
-    """Proposes to make room, where an obstacle meets an arm that does not.
+    """A proposer of making room, where an obstacle meets an arm that does not.
 
     on_graph, beside_graph : what finds the motions there.
     """
@@ -44,14 +44,14 @@ class Evasion(Proposer):
     beside_graph: Callable[..., Plan | None] = evasion_beside_graph
 
     def takes_the_tick(self, turn: Turn) -> bool:
-        """Its search takes about as long as an attempt. An arm that approaches makes its attempts first:
-        as long as its approach is free it does not evade.
+        """Whether an evasion is to be searched: that takes about as long as an attempt. An arm that approaches makes
+        its attempts first: as long as its approach is free it does not evade.
         """
         followed = turn.situation.followed
         approaching = followed is not None and followed.purpose is Purpose.APPROACH
         if approaching or turn.situation.is_late:
             return False
-        return _assessed(turn, turn.memory.asked)[1] is not None
+        return _assessed(turn, turn.memory.past_searches)[1] is not None
 
     def propose(self, turn: Turn) -> Turn:
         """Begin an evasion path; the plan's verdict states why there is no path, and that the arm evades.
@@ -59,30 +59,30 @@ class Evasion(Proposer):
         Where none is found, or none is needed, the arm stops along its path. An arm that evades already, and is free
         where it leads, goes on.
         """
-        situation, solver, asked = turn.situation, turn.arm.solver, turn.memory.asked
+        situation, solver, searches = turn.situation, turn.arm.solver, turn.memory.past_searches
         if turn.step is not None or situation.deadline.passed:
             return turn
-        free, required = _assessed(turn, asked)
+        free, required = _assessed(turn, searches)
         while required is not None:
-            state, obstacles, deadline = situation.state, situation.expected, situation.deadline
+            state, obstacles, deadline = situation.state, situation.expected_obstacles, situation.deadline
             if required == BESIDE_GRAPH:
                 plan = self.beside_graph(solver, turn.query, state, obstacles, situation.reach, deadline)
             else:
                 stop, workings = situation.stop.reference, turn.memory.workings
                 plan = self.on_graph(solver, turn.query, state, obstacles, stop, workings, deadline)
             if plan is not None:
-                return _begun(replace(turn, memory=replace(turn.memory, asked=asked)), plan)
+                return _begun(replace(turn, memory=replace(turn.memory, past_searches=searches)), plan)
             if deadline.passed:
                 # A path that was not found for want of time is searched again in the next tick.
                 break
-            asked = {**asked, required: Asked(Question(turn.query, situation.obstacles), situation.now)}
-            free, required = _assessed(turn, asked)
+            searches = {**searches, required: PastSearch(Question(turn.query, situation.obstacles), situation.now)}
+            free, required = _assessed(turn, searches)
         evading = situation.followed is not None and situation.followed.purpose is Purpose.EVASION
-        step = situation.answered(turn.verdict) if free and evading else None
-        return replace(turn, memory=replace(turn.memory, asked=asked), step=step)
+        step = situation.go_on(turn.verdict) if free and evading else None
+        return replace(turn, memory=replace(turn.memory, past_searches=searches), step=step)
 
 
-def _assessed(turn: Turn, asked: Mapping[str, Asked]) -> tuple[bool, str | None]:
+def _assessed(turn: Turn, searches: Mapping[str, PastSearch]) -> tuple[bool, str | None]:
     """Whether an arm without a path needs no evasion, and the name of the requirement of one that is searched now.
 
     | answer | meaning |
@@ -92,7 +92,7 @@ def _assessed(turn: Turn, asked: Mapping[str, Asked]) -> tuple[bool, str | None]
     | False, BESIDE_GRAPH | that failed less than `SEARCH_PERIOD` ago: search one beside it, if the arm may leave it |
     | False, None | both failed then, or evasion is no answer to this verdict, or all obstacles stand: search nothing |
 
-    asked : the searches that were made and found nothing, by the names of their requirements.
+    searches : those that were made and found nothing, by the names of their requirements.
     """
     situation = turn.situation
     blocked = turn.verdict.code is VerdictCode.NO_FEASIBLE_PATH
@@ -103,7 +103,7 @@ def _assessed(turn: Turn, asked: Mapping[str, Asked]) -> tuple[bool, str | None]
         required: Requirement = getattr(situation.requirements, name)
         if situation.meets_without_evasion(required):
             return True, None
-        if is_due(asked.get(name), question, situation.now, constants.SEARCH_PERIOD):
+        if is_due(searches.get(name), question, situation.now, constants.SEARCH_PERIOD):
             return False, name
     return False, None
 
@@ -113,5 +113,5 @@ def _begun(turn: Turn, plan: Plan) -> Turn:
     situation, verdict = turn.situation, turn.verdict
     verdict = verdict.with_figures(clearance=plan.verdict.figures.clearance)
     plan = replace(plan, verdict=verdict.with_remark("evading what is coming"))
-    begun = Followed.begun(turn.query, plan, situation.obstacles, situation.now, Purpose.EVASION)
-    return replace(turn, step=situation.handed_out(plan, begun), decided=True)
+    begun = FollowedPlan.of(turn.query, plan, situation.obstacles, situation.now, Purpose.EVASION)
+    return replace(turn, step=situation.hand_out(plan, begun), decided=True)

@@ -11,33 +11,35 @@ from geodesic_motion_ros.planning.retry import TIME_ROUNDING
 
 
 class FoundDetour(Proposer):
-    """Proposes the detour that was found, where it is certified among the present obstacles."""
+    """A proposer of the detour that was found, where it is certified among the present obstacles."""
 
     def propose(self, turn: Turn) -> Turn:
-        """Follow it; where it is not certified any more, remember why."""
+        """Propose to follow it; where it is not certified any more, remember why."""
         situation, memory, search = turn.situation, turn.memory, turn.memory.detour
         if search is None or not may_leave(turn):
             return turn
         request = turn.detour_request
-        if not search.job.done(situation.now) or search.refusal_of(request, situation.now):
+        if not search.job.is_done(situation.now) or search.refusal_for(request, situation.now):
             return turn
-        detour = search.found(request)
+        detour = search.detour_for(request)
         if detour is None:
             return turn
-        plan = situation.require_a_stop(turn.arm.detours.plan(detour, situation.state, situation.expected))
+        plan = situation.require_a_stop(turn.arm.detours.plan(detour, situation.state, situation.expected_obstacles))
         if plan.trajectory is not None:
             query = cast(ArmQuery, detour.query)  # those that an arm's own search finds are of its queries
-            return turn.taken(query, plan, memory.after(plan, query, None, (), situation))
+            return turn.take_path(query, plan, memory.after(plan, query, None, (), situation))
         return replace(turn, memory=replace(memory, detour=replace(search, refusal=plan.refusal)))
 
 
 class WantedDetour(Proposer):
-    """Requests the search of a detour, in a thread of its own, for an arm that has had no path for long enough."""
+    """A proposer that requests the search of a detour, in a thread of its own, for an arm that has had no path for long
+    enough.
+    """
 
     def propose(self, turn: Turn) -> Turn:
         """Request it, where none is searched, and the obstacles are others than those of the last search."""
         situation, search = turn.situation, turn.memory.detour
-        if not may_leave(turn) or (search is not None and not search.job.done(situation.now)):
+        if not may_leave(turn) or (search is not None and not search.job.is_done(situation.now)):
             return turn
         request = turn.detour_request
         if search is not None and search.request.question.holds_for(request.question):

@@ -1,4 +1,4 @@
-"""Turn: what a proposer knows of a tick, and what the proposers before it came to."""
+"""Turn, which is what a proposer knows of a tick, and what the proposers before it came to."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from geodesic_motion_ros.planning.detour import DetourRequest
 from geodesic_motion_ros.planning.guarded_arm import GuardedArm
 from geodesic_motion_ros.planning.memory import AttemptMemory
 from geodesic_motion_ros.planning.plan import Plan
-from geodesic_motion_ros.planning.played import Followed, Step
+from geodesic_motion_ros.planning.played import FollowedPlan, Step
 from geodesic_motion_ros.planning.query import ArmGoal, ArmQuery
 from geodesic_motion_ros.planning.search import KnownPaths
 from geodesic_motion_ros.planning.settings import Attempt
@@ -21,11 +21,11 @@ _NO_PATH = Refusal(VerdictCode.NO_FEASIBLE_PATH)
 
 
 class Proposer(ABC):
-    """Proposes what an arm without a path does, in a turn of its own."""
+    """A proposer of what an arm without a path does, in a turn of its own."""
 
     @abstractmethod
     def propose(self, turn: Turn) -> Turn:
-        """The turn of the next proposer: with a step, with a verdict, with another memory, or as it is."""
+        """Return the turn of the next proposer: with a step, with a verdict, with another memory, or as it is."""
 
     def takes_the_tick(self, turn: Turn) -> bool:
         """Whether it begins a search in this tick, where there is no path for the reason of a turn, that takes so long
@@ -36,7 +36,7 @@ class Proposer(ABC):
 
 @dataclass(frozen=True, eq=False)
 class Turn:
-    """What a proposer knows of a tick, and what the proposers before it came to.
+    """The state of a tick that a proposer knows, and what the proposers before it came to.
 
     Attributes
     ----------
@@ -70,7 +70,7 @@ class Turn:
         """Whether a later proposer takes the tick, where there is no path for a reason."""
         return any(proposer.takes_the_tick(replace(self, verdict=refusal)) for proposer in self.later)
 
-    def solved(
+    def solve(
         self,
         query: ArmQuery,
         attempts: tuple[Attempt, ...],
@@ -78,20 +78,20 @@ class Turn:
         longest: float = math.inf,
         refusal: Refusal | None = None,
     ) -> Plan:
-        """The certified motion to the goal of a query; arguments as of `Solver.solve`."""
+        """Return the certified motion to the goal of a query; arguments as of `Solver.solve`."""
         situation = self.situation
         plan = self.arm.solver.solve(
-            query, situation.state, situation.expected, attempts, situation.deadline, known, longest, refusal,
+            query, situation.state, situation.expected_obstacles, attempts, situation.deadline, known, longest, refusal,
             self.memory.workings,
         )  # fmt: skip
         return situation.require_a_stop(plan)
 
-    def taken(self, query: ArmQuery, plan: Plan, memory: AttemptMemory) -> Turn:
-        """The last turn, in which a new path is followed. Where it was found too late, an arm that evades goes on
-        evading as long as that is free.
+    def take_path(self, query: ArmQuery, plan: Plan, memory: AttemptMemory) -> Turn:
+        """Return the last turn, in which a new path is followed. Where it was found too late, an arm that evades goes
+        on evading as long as that is free.
         """
         situation = self.situation
-        step = situation.still_evading() if situation.handover_deadline.passed else None
-        begun = Followed.begun(query, plan, situation.obstacles, situation.now)
-        step = step or situation.handed_out(plan, begun)
+        step = situation.go_on_evading() if situation.handover_deadline.passed else None
+        begun = FollowedPlan.of(query, plan, situation.obstacles, situation.now)
+        step = step or situation.hand_out(plan, begun)
         return replace(self, query=query, memory=memory, step=step, decided=True)

@@ -20,7 +20,7 @@ from geodesic_motion_ros.planning.arm_clearance import obstacle_clearance
 from geodesic_motion_ros.planning.arm_in_scene import ArmInScene
 from geodesic_motion_ros.planning.declared_scene import DeclaredScene
 from geodesic_motion_ros.planning.detour import LATTICE_SMOOTHINGS, Detour, DetourPlanner
-from geodesic_motion_ros.planning.detour_band import band_cost, drawn_tight
+from geodesic_motion_ros.planning.detour_band import band_cost, draw_tight
 from geodesic_motion_ros.planning.detour_frame import DetourFrame
 from geodesic_motion_ros.planning.detour_search import LatticePath, cheapest_detour
 from geodesic_motion_ros.planning.plan import MotionState, Plan
@@ -114,7 +114,7 @@ class DetourBench:
             first, last = random.integers(len(arena.shown), size=2)
             start, goal = arena.shown[first, 0], arena.shown[last, -1]
             planner.stand_at(start, 0.0)
-            prepared = planner.prepared_configuration(goal)
+            prepared = planner.prepare_configuration(goal)
             if isinstance(prepared, Refusal) or prepared.query is None:
                 continue
             still = np.zeros_like(start)
@@ -148,7 +148,7 @@ class DetourBench:
         for end in (query.start, query.goal):
             if obstacle_clearance(planner.collision, planner.robot, end, obstacles)[0] < FREE_END:
                 return False
-        plan = self._solver.solve(query, motion.state, obstacles, self._solver.cautious)
+        plan = self._solver.solve(query, motion.state, obstacles, self._solver.cautious_attempts)
         return plan.verdict.code is VerdictCode.NO_FEASIBLE_PATH
 
     def measure(self, motion: BlockedMotion, obstacles: Obstacles, into: DetourTimes) -> None:
@@ -162,9 +162,9 @@ class DetourBench:
                     into.refusals[found.reason] += 1
                     return
                 with band[play]:
-                    drawn = drawn_tight(found.frame, found.arm, found.path, self._reach, self.margin)
+                    drawn = draw_tight(found.frame, found.arm, found.path, self._reach, self.margin)
                     if drawn is not None:
-                        detour = Detour.along_band(motion.query, found.frame, found.path, drawn)
+                        detour = Detour.from_band(motion.query, found.frame, found.path, drawn)
                         tight = self._detours.plan(detour, motion.state, obstacles)
         into.found += 1
         if found.plan.verdict.ok:
@@ -183,6 +183,6 @@ class DetourBench:
         for frame in frames:
             path = cheapest_detour(frame, arm, self._reach, self.margin)
             if isinstance(path, LatticePath):
-                lattice = Detour.along_lattice(motion.query, frame, path, LATTICE_SMOOTHINGS[-1])
+                lattice = Detour.from_lattice(motion.query, frame, path, LATTICE_SMOOTHINGS[-1])
                 return _First(frame, arm, path, self._detours.plan(lattice, motion.state, obstacles))
         return path

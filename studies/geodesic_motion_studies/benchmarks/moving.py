@@ -174,7 +174,7 @@ class MovingBench:
                 if searches:
                     play.searched.append(tick)
                     play.searches.append(searches[0])
-                followed = planner.to_goal()
+                followed = planner.motion_to_goal()
                 if followed is not None and now >= followed[1] + followed[0].duration:
                     break
         return play
@@ -223,7 +223,7 @@ class MovingBench:
     def _first_reference(self, goal: tuple[np.ndarray, np.ndarray], begin: int) -> bool:
         """Request a goal before a tick, and go on until a reference leads to it; whether one does."""
         planner = self.planner
-        if not planner.take_goal(planner.prepared_goal(*goal)).ok:
+        if not planner.take_goal(planner.prepare_goal(*goal)).ok:
             return False
         for tick in range(begin, begin + _PATIENCE):
             plan = planner.tick(tick / RATE)

@@ -86,7 +86,7 @@ class Replanning(ABC):
 
     def _left_is_free(self, switch: float, obstacles: Obstacles) -> bool:
         if self._swept is None:
-            self._swept = self._certifier.swept(self._played)
+            self._swept = self._certifier.sweep(self._played)
         left = self._swept.since(switch - self._begin)
         certificate = self._certifier.certify_swept(left, obstacles, PREDICTION)
         return not self._certifier.objection(certificate)

@@ -95,7 +95,7 @@ class DetoursReport(Report):
         figure = Figure(figsize=(4.0 * len(self.runs), 4.15), layout="constrained")
         figure.get_layout_engine().set(w_pad=0.02, h_pad=0.02, wspace=0.0, hspace=0.0)
         panels = figure.subplots(1, len(self.runs), squeeze=False)[0]
-        with ArmWorld(scene=DeclaredScene.named("table")) as world:
+        with ArmWorld(scene=DeclaredScene.from_name("table")) as world:
             world.set_obstacles({"sphere": (self.centre, self.radius)})
             for axes, run in zip(panels, self.runs, strict=True):
                 tool = np.array([world.robot.forward(posture)[0] for posture in run.postures])
@@ -179,7 +179,7 @@ def _played(
         plan = planner.tick(now)
         displacement = max(displacement, plan.verdict.figures.displacement)
         ticks += 1
-        commanded = planner.commanded(ticks * TICK)
+        commanded = planner.commanded_state(ticks * TICK)
         assert commanded is not None
         if not np.array_equal(commanded[0], postures[-1]):
             moved = ticks

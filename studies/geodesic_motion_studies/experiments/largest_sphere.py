@@ -15,7 +15,7 @@ from tqdm import tqdm
 
 from geodesic_motion_ros.cli.arguments import metres
 from geodesic_motion_ros.planning.declared_scene import DeclaredScene
-from geodesic_motion_ros.planning.largest_sphere import STEP, SpherePlaces, largest_passed
+from geodesic_motion_ros.planning.largest_sphere import STEP, SpherePlaces, find_largest_passed
 from geodesic_motion_ros.planning.planner import ReactivePlanner
 from geodesic_motion_ros.skill.skill import Skill
 from geodesic_motion_ros.utils.tables import Cell, text_table
@@ -102,14 +102,14 @@ class LargestSphere(OfSkill):
         """ExperimentError: no path to the skill's goal."""
         planner = ReactivePlanner(skill, scene=DeclaredScene.empty())
         nominal = free_motion(planner)
-        places, ascending = SpherePlaces.along(planner, nominal, self.places), np.unique(self.detours)
+        places, ascending = SpherePlaces.of_motion(planner, nominal, self.places), np.unique(self.detours)
         radii, reasons = np.zeros((self.places, len(ascending))), []
         for number in tqdm(range(self.places), desc=skill.name, unit="place"):
             own, radius = [], 0.0
             for column, detour in enumerate(ascending):
                 # What is passed with a shorter detour is passed with a longer one.
                 planner.set_detour(detour)
-                radius, reason = largest_passed(planner, places.centres[number], places.free[number], radius)
+                radius, reason = find_largest_passed(planner, places.centres[number], places.free[number], radius)
                 radii[number, column] = radius
                 own.append(reason)
             reasons.append(tuple(own))

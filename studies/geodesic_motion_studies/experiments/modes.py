@@ -112,7 +112,7 @@ class Answer:
 
 
 @dataclass(frozen=True)
-class Blocked:
+class FailedAttempts:
     """A sphere on the first answer.
 
     Attributes
@@ -140,7 +140,7 @@ class Case:
     seed: int
     number: int
     free: Answer
-    blocked: Blocked | None
+    blocked: FailedAttempts | None
     mean: Answer
 
     @property
@@ -310,7 +310,7 @@ def _case(
         clearance = math.nan
         if isinstance(second, PosePath):
             clearance = measured_clearance(second, centre, radius, planner.settings)
-        blocked = Blocked(
+        blocked = FailedAttempts(
             tuple(centre.tolist()), radius, shares[own], shares[1 - own],
             _answer(second, means, planner.settings), clearance,
         )  # fmt: skip

@@ -36,7 +36,7 @@ def posture_strips(
     view : one of `camera.VIEWS`. curves : draw the curves of tool and elbow.
     robot : whose motions they are, its name.
     """
-    with ArmWorld(scene=DeclaredScene.named("table"), robot=robot) as world:
+    with ArmWorld(scene=DeclaredScene.from_name("table"), robot=robot) as world:
         rows = []
         for motion, spheres in zip(motions, obstacles, strict=True):
             world.set_obstacles(spheres)

@@ -168,7 +168,7 @@ def past_a_moving_sphere(planner: ReactivePlanner, bottle: int = 0, cup: int = 2
         centre, velocity = sphere.position(now), _velocity(sphere, now)
         planner.take_obstacles(Obstacles.of_spheres(centre[None], np.array([SPHERE_RADIUS]), velocity[None], now))
         planner.tick(now)
-        path, commanded = planner.to_goal(), planner.commanded(now + _TICK)
+        path, commanded = planner.motion_to_goal(), planner.commanded_state(now + _TICK)
         assert commanded is not None
         configurations.append(commanded[0])
         centres.append(sphere.position(now + _TICK))

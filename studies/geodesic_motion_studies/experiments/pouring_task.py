@@ -100,7 +100,7 @@ class PouringTask(Study):
     def measure(self, out: Path) -> PouringTaskReport:
         shown = pouring(self.shown, 0).tool_demonstrations(Robot.named("panda"))
         pairs: list[Pair] = []
-        blocked: list[Blocked] = []
+        blocked: list[FailedAttempts] = []
         chains: list[Chain] = []
         streams, raw = [], []
         for seed in tqdm(self.seeds, desc="pouring-task", unit="seed"):
@@ -150,7 +150,7 @@ class Pair:
 
 
 @dataclass(frozen=True)
-class Blocked:
+class FailedAttempts:
     """A sphere on the bottle's path: the exact clearance of the bottle [m] on the path planned with the bottle, and
     with the hand alone; NaN where that was refused. `side` is one of those where spheres are.
     """
@@ -170,7 +170,7 @@ class PouringTaskReport(Report):
 
     settings: PouringTask
     pairs: tuple[Pair, ...]
-    blocked: tuple[Blocked, ...]
+    blocked: tuple[FailedAttempts, ...]
     chains: tuple[Chain, ...]
     stream: Stream
     reshaped: ReshapedMetric = field(repr=False)
@@ -321,7 +321,7 @@ def all_pairs(plan: Plan, shown: Demonstrations, row: str, seed: int) -> list[Pa
 
 def blocked_pairs(
     with_bottle: Plan, hand_alone: Plan, row: str, seed: int, sides: Sequence[int] = range(len(SIDES))
-) -> list[Blocked]:
+) -> list[FailedAttempts]:
     """Spheres on the bottle's path, halfway, for every pair."""
     found = []
     for bottle in PLACES:
@@ -337,7 +337,7 @@ def blocked_pairs(
                 for plan in (with_bottle, hand_alone):
                     path = plan(*ends, centre[None])
                     clearances.append(math.nan if isinstance(path, Refusal) else _clearance(path, centre))
-                found.append(Blocked(row, seed, side, bottle, cup, *clearances))
+                found.append(FailedAttempts(row, seed, side, bottle, cup, *clearances))
     return found
 
 

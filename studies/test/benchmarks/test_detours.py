@@ -38,7 +38,7 @@ def test_spheres_block_the_planner_and_leave_the_ends_free(bench: DetourBench, c
         assert obstacle_clearance(planner.collision, planner.robot, end, obstacles)[0] > 2.0 * bench.margin
     planner.take_obstacles(obstacles)
     assert planner.set_detour(0.0).ok
-    goal = planner.prepared_configuration(motion.query.goal).goal
+    goal = planner.prepare_configuration(motion.query.goal).goal
     assert planner.plan_configurations(motion.query.start, goal).verdict.code is VerdictCode.NO_FEASIBLE_PATH
 
 

@@ -51,7 +51,7 @@ def block(centre: np.ndarray, size: float = 0.04) -> DeclaredScene:
 @pytest.mark.parametrize("number", range(4))
 def test_things_rest_on_the_table_and_are_as_tall_as_they_are_said_to_be(arena: Arena, number: int) -> None:
     scene = draw_scene(arena, "table", number, 0)
-    top = DeclaredScene.named("table").solids[0, [2, 5]].sum()
+    top = DeclaredScene.from_name("table").solids[0, [2, 5]].sum()
     things: dict[bytes, list] = {}
     for sphere in scene.spheres:
         things.setdefault(sphere.begin[:2].tobytes(), []).append(sphere)
@@ -179,7 +179,7 @@ def test_ours_refuses_a_table_that_stands_in_the_demonstrations(arena: Arena) ->
 def test_barriers_count_distances_from_solids_and_normals_away_from_them() -> None:
     random = np.random.default_rng(0)
     table = {"centre": [0.1, -0.2, 0.3], "size": [0.4, 0.6, 0.2], "quaternion": [0.8, 0.1, -0.5, 0.3], "name": "box"}
-    solids = np.concatenate([DeclaredScene.of({"boxes": [table]}).solids, DeclaredScene.named("table").solids])
+    solids = np.concatenate([DeclaredScene.of({"boxes": [table]}).solids, DeclaredScene.from_name("table").solids])
     points, step = random.uniform(-0.5, 0.6, (200, 3)), 1e-6
     distances, normals = from_solids(points, solids)
     assert np.any(distances < 0.0)

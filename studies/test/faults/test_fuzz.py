@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from rclpy.serialization import serialize_message
 
-from geodesic_motion_ros.nodes.marker_bytes import marker_in
+from geodesic_motion_ros.nodes.marker_bytes import parse_marker
 from geodesic_motion_ros.nodes.marker_messages import read_marker
 from geodesic_motion_ros.nodes.messages import MessageRefused, read_cloud, read_joint_positions, read_pose
 from geodesic_motion_ros.robot.kinematics import Robot
@@ -15,7 +15,7 @@ from geodesic_motion_studies.faults.fuzz import INPUTS, Fuzzer
 READERS = {
     "goal_pose": lambda message: read_pose(message, "panda_link0"),
     "joint_states": lambda message: read_joint_positions(message, Robot.named("panda").joint_names),
-    "obstacle_marker": lambda message: read_marker(marker_in(serialize_message(message)), "panda_link0"),
+    "obstacle_marker": lambda message: read_marker(parse_marker(serialize_message(message)), "panda_link0"),
     "obstacle_cloud": lambda message: read_cloud(message, "panda_link0"),
 }
 

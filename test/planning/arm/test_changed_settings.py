@@ -35,7 +35,7 @@ def stream(reach_skill: Skill, planner: ReactivePlanner, start: np.ndarray, goal
 def in_fast_motion(stream: Stream, nominal: JointReference) -> None:
     """Tick until the arm is halfway."""
     stream.run(0.5 * nominal.duration)
-    assert stream.planner.commanded(stream.now)[1].any()
+    assert stream.planner.commanded_state(stream.now)[1].any()
 
 
 def until_rest(stream: Stream, goal: np.ndarray, longest: float) -> float:
@@ -160,7 +160,7 @@ def test_a_stop_while_it_slows_down_is_one_within_the_limits_from_before(stream,
     # It takes what a stop takes at that speed, not what one within the lower limits would take.
     assert plan.reference.duration < 1.0
     stream.run(1.5)
-    assert not stream.planner.commanded(stream.now)[1].any()
+    assert not stream.planner.commanded_state(stream.now)[1].any()
     assert max(stream.jumps) < ROUNDING
 
 
@@ -169,7 +169,7 @@ def test_where_the_slower_arm_would_be_met_it_does_not_go_on_along_its_path(stre
     in_fast_motion(stream, nominal)
     planner = stream.planner
     velocity = np.array([-0.3, 0.0, 0.0])
-    here = planner.robot.forward(planner.commanded(stream.now)[0])[0]
+    here = planner.robot.forward(planner.commanded_state(stream.now)[0])[0]
     planner.set_obstacles((here - 1.2 * velocity)[None], np.array([0.05]), velocity[None], stream.now)
     assert stream.run(stream.period)[0].verdict.ok  # the control: as fast as before it is not met
     assert planner.change_settings(speed_scale=0.01).ok

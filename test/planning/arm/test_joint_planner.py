@@ -90,7 +90,7 @@ def test_a_refined_path_is_shorter_than_the_graphs(reach_skill, planner, start, 
     planner.take_obstacles(Obstacles.none())
     planner.clear_goal()
     planner.stand_at(start, 0.0)
-    prepared = planner.prepared_configuration(goal)
+    prepared = planner.prepare_configuration(goal)
     choice, query = prepared.goal, prepared.query
     free = NodeEvaluation.of(query.body, Obstacles.none(), 0.0, 0.5, 0.02)
 
@@ -106,8 +106,10 @@ def test_a_motion_that_would_be_no_gain_is_not_certified(planner, start, goal) -
     planner.take_obstacles(Obstacles.none())
     planner.clear_goal()
     planner.stand_at(start, 0.0)
-    query, still = planner.prepared_configuration(goal).query, np.zeros_like(start)
-    single = Solver(planner.skill, planner.graph, planner.settings, planner.robot, planner.collision, planner.limits)
+    query, still = planner.prepare_configuration(goal).query, np.zeros_like(start)
+    single = Solver(
+        planner.skill, planner.graph, planner.settings, planner.robot, planner.collision, planner.limits
+    )
     state = MotionState(0.0, start, still, still, None)
     plan = single.solve(query, state, Obstacles.none(), single.attempts[:1])
     duration = plan.reference.duration
@@ -121,13 +123,13 @@ def test_a_motion_that_would_be_no_gain_is_not_certified(planner, start, goal) -
 
 def test_a_path_that_is_found_again_is_not_judged_again(stream, nominal, on_elbow, monkeypatch) -> None:
     """An obstacle that comes from afar is felt by the search all along. The control: one that blocks the path."""
-    judged, timed = [], PathTimer.timed
+    judged, timed = [], PathTimer.time_path
 
     def recorded(*arguments, **more):
         judged.append(stream.now)
         return timed(*arguments, **more)
 
-    monkeypatch.setattr(PathTimer, "timed", recorded)
+    monkeypatch.setattr(PathTimer, "time_path", recorded)
     (centre,), radius = on_elbow
     for number in range(80):
         away = np.array([0.0, 0.0, 1.2 - 0.012 * number])
@@ -141,13 +143,13 @@ def test_a_path_that_is_found_again_is_not_judged_again(stream, nominal, on_elbo
 
 def test_out_of_time_the_arm_stays_and_the_next_ticks_go_on_trying(stream, start, goal, monkeypatch) -> None:
     """The first attempt is refused. The control: it is not."""
-    planner, timed, judged = stream.planner, PathTimer.timed, []
+    planner, timed, judged = stream.planner, PathTimer.time_path, []
 
     def picky(*arguments, **more):
         judged.append(timed(*arguments, **more))
         return NOT_THIS if len(judged) == 1 else judged[-1]
 
-    monkeypatch.setattr(PathTimer, "timed", picky)
+    monkeypatch.setattr(PathTimer, "time_path", picky)
     missed, *later = (planner.tick(number * stream.period, Deadline(-np.inf)) for number in range(4))
     assert missed.verdict.code is VerdictCode.DEADLINE_MISSED
     assert "out of time after 1 of 2 attempts: not this" in missed.verdict.reason
@@ -175,7 +177,7 @@ def test_what_an_attempt_has_evaluated_serves_the_next_one_in_the_next_tick(stre
     far = np.array([[3.0, 0.0, 0.0]])
     planner.set_obstacles(far, np.array([0.05]))
     with monkeypatch.context() as first:
-        first.setattr(PathTimer, "timed", refused)
+        first.setattr(PathTimer, "time_path", refused)
         missed = planner.tick(0.0, Deadline(-np.inf)).verdict
     assert "out of time after 1 of 2 attempts: not this" in missed.reason
     planner.set_obstacles(far + 0.1 * other, np.array([0.05]))
@@ -227,7 +229,7 @@ def test_a_goal_prepared_before_the_arm_was_found_elsewhere_is_planned_from_ther
     expected = stream.run(stream.period)[0].reference
 
     stream.stand_at(nominal.positions[0])
-    prepared = stream.planner.prepared_configuration(goal)
+    prepared = stream.planner.prepare_configuration(goal)
     stream.stand_at(elsewhere)
     stream.planner.take_goal(prepared)
     reference = stream.run(stream.period)[0].reference
@@ -237,10 +239,10 @@ def test_a_goal_prepared_before_the_arm_was_found_elsewhere_is_planned_from_ther
 def test_nothing_is_planned_before_there_is_a_state_and_a_goal(reach_skill, planner, start) -> None:
     fresh = ReactivePlanner(reach_skill, planner.settings)
     assert fresh.tick(0.0).verdict.code is VerdictCode.STALE_STATE
-    assert fresh.commanded(0.0) is None
+    assert fresh.commanded_state(0.0) is None
     fresh.stand_at(start, 0.0)
     assert fresh.tick(0.0).verdict.code is VerdictCode.NO_GOAL
-    np.testing.assert_array_equal(fresh.commanded(0.0)[0], start)
+    np.testing.assert_array_equal(fresh.commanded_state(0.0)[0], start)
 
 
 @pytest.mark.parametrize(
@@ -267,11 +269,11 @@ def test_a_joint_that_turns_without_end_is_planned_for(endless_reach_skill, star
     assert planner.set_goal_configuration(goal).ok
     assert planner.tick(0.0).verdict.ok
     # however a driver counts its turns
-    reached = planner.to_goal()[0].positions[-1]
+    reached = planner.motion_to_goal()[0].positions[-1]
     for turns in (-1, 2):
         turned = np.array([0.0] * 6 + [2.0 * np.pi * turns])
         planner.stand_at(start + turned, 0.0)
-        np.testing.assert_allclose(planner.commanded(0.0)[0], start, atol=1e-12)
+        np.testing.assert_allclose(planner.commanded_state(0.0)[0], start, atol=1e-12)
         assert planner.set_goal_configuration(goal - turned).ok
         assert planner.tick(0.0).verdict.ok
-        np.testing.assert_allclose(planner.to_goal()[0].positions[-1], reached, atol=1e-9)
+        np.testing.assert_allclose(planner.motion_to_goal()[0].positions[-1], reached, atol=1e-9)

@@ -68,13 +68,16 @@ def test_obstacles_of_another_shape_are_refused_not_made_to_fit(stream, on_elbow
 def test_a_tick_at_no_time_is_refused_and_changes_nothing(stream, nominal, now) -> None:
     planner = stream.planner
     stream.run(0.5)
-    expected = planner.commanded(stream.now + 0.2)
+    expected = planner.commanded_state(stream.now + 0.2)
     answers = planner.tick(now), planner.stop(now, Refusal(VerdictCode.HOLD_REQUESTED, "hold"))
     for answer in (*answers, planner.stand_at(nominal.positions[0], now)):
         assert refused(answer).startswith("now [s] is ")
         assert answer.reference is None
-    np.testing.assert_array_equal(planner.commanded(stream.now + 0.2), expected)
-    for ask in (planner.commanded, planner.playing, lambda time: planner.braked(nominal, time, Refusal(1, "late"))):
+    np.testing.assert_array_equal(planner.commanded_state(stream.now + 0.2), expected)
+    late = Refusal(VerdictCode.DEADLINE_MISSED, "late")
+    for ask in (
+        planner.commanded_state, planner.remaining_motion, lambda time: planner.record_braking(nominal, time, late)
+    ):  # fmt: skip
         with pytest.raises(PlanningError, match=r"\[s\] is "):
             ask(now)
     assert all(plan.verdict.ok for plan in stream.run(0.1))

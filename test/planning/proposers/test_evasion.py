@@ -16,7 +16,7 @@ from geodesic_motion_ros.planning.plan import MotionState, Plan
 from geodesic_motion_ros.planning.proposers.evasion import Evasion
 from geodesic_motion_ros.planning.proposers.turn import Turn
 from geodesic_motion_ros.planning.requirement import Requirements
-from geodesic_motion_ros.planning.retry import Asked, Workings
+from geodesic_motion_ros.planning.retry import PastSearch, Workings
 from geodesic_motion_ros.planning.settings import EVASION_DISPLACED_WITHIN, SEARCH_PERIOD, PlannerSettings
 from geodesic_motion_ros.planning.situation import Situation
 from geodesic_motion_ros.planning.status import Figures, Refusal, Verdict, VerdictCode
@@ -77,7 +77,7 @@ class OneEvasionPath:
         path = state.position + share * np.array([0.6, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0])
         reference = timed_joint_reference(path, np.hstack([1.0 - share, share]), LIMITS)
         certificate = CERTIFIER.certify(reference, obstacles, horizon, stand_after_horizon=False)
-        trajectory = CERTIFIER.judged(reference, certificate)
+        trajectory = CERTIFIER.judge(reference, certificate)
         return Plan(trajectory, state.time, Verdict(figures=Figures(clearance=0.01)))
 
 
@@ -86,16 +86,16 @@ class Arm:
 
     def __init__(self, settings: PlannerSettings = SETTINGS) -> None:
         self.settings, self.solver, self.stream = settings, OneEvasionPath(), Stream(CERTIFIER)
-        self.asked: dict[str, Asked] = {}
+        self.asked: dict[str, PastSearch] = {}
         self.reach = 0.0
         standing = JointReference.standing(ROBOT.ready, np.zeros(2))
-        self.stream.stand(CERTIFIER.judged(standing, CERTIFIER.certify(standing, Obstacles.none(), 1.0)), 0.0)
+        self.stream.stand(CERTIFIER.judge(standing, CERTIFIER.certify(standing, Obstacles.none(), 1.0)), 0.0)
 
     def plan(
         self, now: float, obstacles: Obstacles, verdict: Verdict = NO_PATH, handover_deadline: Deadline = NEVER
     ) -> Plan | None:
         turn = self.evasion.propose(self.turn(self.situation(now, obstacles, handover_deadline), verdict))
-        self.asked = turn.memory.asked
+        self.asked = turn.memory.past_searches
         return None if turn.step is None else self.stream.commit(turn.step, now)
 
     @property
@@ -103,14 +103,14 @@ class Arm:
         return Evasion(self.solver.evade, self.solver.evade_displaced)
 
     def turn(self, situation: Situation, verdict: Refusal = NO_PATH) -> Turn:
-        memory, guarded = AttemptMemory(asked=self.asked), SimpleNamespace(solver=self.solver)
+        memory, guarded = AttemptMemory(past_searches=self.asked), SimpleNamespace(solver=self.solver)
         return Turn(guarded, situation, None, QUERY, QUERY, memory, verdict=verdict)
 
     def is_due(self, situation: Situation) -> bool:
         return self.evasion.takes_the_tick(self.turn(situation))
 
-    def still_evading(self, now: float, obstacles: Obstacles) -> Plan | None:
-        step = self.situation(now, obstacles).still_evading()
+    def go_on_evading(self, now: float, obstacles: Obstacles) -> Plan | None:
+        step = self.situation(now, obstacles).go_on_evading()
         return None if step is None else step.plan
 
     def situation(self, now: float, obstacles: Obstacles, handover_deadline: Deadline = NEVER) -> Situation:
@@ -138,7 +138,7 @@ def test_an_arm_evades_what_is_coming_and_says_so() -> None:
     assert plan.verdict.reason == "no path; evading what is coming"
     assert plan.verdict.figures.clearance == 0.01
     assert arm.stream.followed.purpose is Purpose.EVASION
-    assert arm.stream.commanded(arm.stream.played.end)[0][0] == pytest.approx(ROBOT.ready[0] + 0.6)
+    assert arm.stream.commanded_state(arm.stream.played.end)[0][0] == pytest.approx(ROBOT.ready[0] + 0.6)
 
 
 def test_nothing_is_searched_where_nothing_comes_or_something_else_is_wrong() -> None:
@@ -193,7 +193,7 @@ def test_an_arm_goes_on_evading_beside_the_graph_while_nothing_comes_near() -> N
     arm = Arm()
     arm.reach, arm.solver.found, arm.solver.found_beside = 0.25, False, True
     arm.plan(0.0, coming(0.5 * EVASION_DISPLACED_WITHIN))
-    hand, _ = ROBOT.forward(arm.stream.commanded(arm.stream.played.end)[0])
+    hand, _ = ROBOT.forward(arm.stream.commanded_state(arm.stream.played.end)[0])
     velocity = np.array([[0.0, 0.0, 0.2]])
     for after, asked in ((1.5, 1), (0.3, 2)):
         meeting = Obstacles.of_spheres(hand - (0.1 + after) * velocity, np.array([0.03]), velocity, 0.1)
@@ -236,17 +236,17 @@ def test_an_arm_goes_on_evading_while_that_is_free() -> None:
 def test_out_of_time_an_arm_goes_on_evading_while_that_is_free_and_it_can_stop(monkeypatch) -> None:
     """The controls: it does not evade, it is met where that leads, it could not stop, or nothing moves."""
     arm, obstacles = Arm(), coming(0.9, 0.1)
-    assert arm.still_evading(0.1, obstacles) is None
+    assert arm.go_on_evading(0.1, obstacles) is None
     arm.plan(0.0, coming(1.0))
     stated = arm.stream.followed.verdict.reason
-    plan = arm.still_evading(0.1, obstacles)
+    plan = arm.go_on_evading(0.1, obstacles)
     assert plan.trajectory is None
     assert plan.verdict.reason == stated
     assert plan.verdict.figures.clearance > 0.0
-    hand, _ = ROBOT.forward(arm.stream.commanded(arm.stream.played.end)[0])
+    hand, _ = ROBOT.forward(arm.stream.commanded_state(arm.stream.played.end)[0])
     meeting = replace(obstacles, centres=obstacles.centres + hand - ROBOT.forward(ROBOT.ready)[0])
-    assert arm.still_evading(0.1, meeting) is None
-    assert arm.still_evading(0.1, replace(obstacles, velocities=np.zeros((1, 3)))) is None
+    assert arm.go_on_evading(0.1, meeting) is None
+    assert arm.go_on_evading(0.1, replace(obstacles, velocities=np.zeros((1, 3)))) is None
     monkeypatch.setattr(Situation, "may_follow", lambda *_: False)
-    assert arm.still_evading(0.1, obstacles) is None
+    assert arm.go_on_evading(0.1, obstacles) is None
     assert arm.solver.asked == 1

@@ -12,7 +12,7 @@ from geodesic_motion_ros.planning.arbiter import PROPOSERS, Arbiter, Decision
 from geodesic_motion_ros.planning.mode import Purpose
 from geodesic_motion_ros.planning.plan import Plan
 from geodesic_motion_ros.planning.planner import ReactivePlanner
-from geodesic_motion_ros.planning.played import Followed
+from geodesic_motion_ros.planning.played import FollowedPlan
 from geodesic_motion_ros.planning.proposers.turn import Proposer, Turn
 from geodesic_motion_ros.skill.skill import Skill
 from geodesic_motion_ros.trajectory.timing import timed_joint_reference
@@ -33,12 +33,12 @@ class TurnedBase(Proposer):
         path = situation.state.position + share * TURN * np.eye(len(situation.state.position))[0]
         reference = timed_joint_reference(path, np.repeat(turn.query.start_latent[None], 20, axis=0), situation.limits)
         required = situation.requirements.approach
-        certificate, objection = certifier.assess(certifier.swept(reference), situation.expected, required)
+        certificate, objection = certifier.assess(certifier.sweep(reference), situation.expected_obstacles, required)
         if objection:
             return turn
-        plan = Plan(certifier.judged(reference, certificate), situation.state.time, turn.verdict)
-        begun = Followed.begun(turn.query, plan, situation.obstacles, situation.now, Purpose.APPROACH)
-        return replace(turn, step=situation.handed_out(plan, begun), decided=True)
+        plan = Plan(certifier.judge(reference, certificate), situation.state.time, turn.verdict)
+        begun = FollowedPlan.of(turn.query, plan, situation.obstacles, situation.now, Purpose.APPROACH)
+        return replace(turn, step=situation.hand_out(plan, begun), decided=True)
 
 
 @pytest.fixture(scope="module")
@@ -63,7 +63,7 @@ def test_the_arm_does_what_a_new_proposer_has_and_the_rank_says(planner) -> None
     """It is asked before the approach, or after it; the control: it is not asked."""
     names = [type(one).__name__ for one in PROPOSERS]
     before = names.index("Approach")
-    first, last = planner._stream.commanded(0.0)[0][0], []
+    first, last = planner._stream.commanded_state(0.0)[0][0], []
     for row in ((*PROPOSERS[:before], TurnedBase(), *PROPOSERS[before:]), (*PROPOSERS, TurnedBase()), PROPOSERS):
         reference = decided(planner, *row).step.plan.reference
         assert reference is not None
@@ -76,7 +76,7 @@ def test_the_arm_does_what_a_new_proposer_has_and_the_rank_says(planner) -> None
 
 def test_it_stays_still_where_its_motion_is_not_certified(planner) -> None:
     """A sphere stands where the base would turn the arm. The control: it does not; the goal is covered as before."""
-    standing = planner._stream.commanded(0.0)[0]
+    standing = planner._stream.commanded_state(0.0)[0]
     turned = standing + TURN * np.eye(len(standing))[0]
     links = planner.collision.positions(planner.robot, np.stack([standing, turned]))
     moved = np.argmax(np.linalg.norm(links[1] - links[0], axis=1))

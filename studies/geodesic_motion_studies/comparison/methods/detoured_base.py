@@ -23,6 +23,7 @@ from geodesic_motion_ros.planning.detour import Detour, DetourPlanner
 from geodesic_motion_ros.planning.detour_frame import DemonstratedSpread, DetourFrame
 from geodesic_motion_ros.planning.settings import PlannerSettings
 from geodesic_motion_ros.planning.solver import Solver
+from geodesic_motion_ros.planning.status import Figures
 from geodesic_motion_ros.trajectory.trajectory import interpolated
 from geodesic_motion_studies.comparison.arena import Arena
 from geodesic_motion_studies.comparison.methods.free_demonstration import POINTS
@@ -41,7 +42,7 @@ class Ends:
 
     start: np.ndarray
     goal: np.ndarray
-    misfits: dict[str, float] = field(default_factory=dict)
+    misfits: Figures = field(default_factory=Figures)
 
 
 class DetouredBase(Replanning):
@@ -74,8 +75,8 @@ class DetouredBase(Replanning):
         if not self.rests(obstacles.time):
             return
         covariances = self._spread.at(shares, self._mode)
-        frame = DetourFrame.along(self._arena.robot, left, shares[:, None], covariances)
-        found = self._detours.beside(frame, Ends(start, self._goal), obstacles, self._reach)
+        frame = DetourFrame.of_base_path(self._arena.robot, left, shares[:, None], covariances)
+        found = self._detours.find_beside(frame, Ends(start, self._goal), obstacles, self._reach)
         if isinstance(found, Detour):
             yield meeting(found.configurations, start, self._goal)
 

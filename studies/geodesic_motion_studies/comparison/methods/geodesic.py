@@ -83,7 +83,7 @@ class Geodesics:
 
     def track(self, measured: np.ndarray, now: float) -> None:
         """As the planner node's cycle."""
-        commanded = self._planner.commanded(now)
+        commanded = self._planner.commanded_state(now)
         assert commanded is not None
         self._planner.set_tracking(self._tracking.add(measured, commanded[0], now))
 
