@@ -77,13 +77,13 @@ def run(arguments: argparse.Namespace) -> None:
     """Describe, print, draw."""
     from geodesic_motion_ros.demonstrations.bags import is_bag
     from geodesic_motion_ros.demonstrations.mapped_tables import TEXT_FILES
-    from geodesic_motion_ros.demonstrations.recorded_tables import files_in
+    from geodesic_motion_ros.demonstrations.recorded_tables import find_files
     from geodesic_motion_ros.skill.skill import Skill
 
     writable(arguments.json)
     writable(arguments.html)
     path = Path(arguments.skill)
-    tables = files_in(path) and not (path / DESCRIPTION).exists()
+    tables = find_files(path) and not (path / DESCRIPTION).exists()
     if is_bag(path) or tables or path.is_file() or path.suffix.lower() in (*TEXT_FILES, ".npy", ".npz"):
         if arguments.html is not None:
             raise ParameterError(f"--html is of skills, {path} is a recording: `train` writes one of what it learns")

@@ -27,8 +27,8 @@ from geodesic_motion_ros.cli.progress_bar import progress_bar
 from geodesic_motion_ros.cli.report import planner_of, write_report
 from geodesic_motion_ros.demonstrations.column_names import (
     DEFAULT_COLUMNS,
+    find_quaternion_order,
     parse_columns,
-    quaternion_order,
 )
 from geodesic_motion_ros.demonstrations.takes import Action
 from geodesic_motion_ros.skill.description import check_text
@@ -313,13 +313,13 @@ def _note_the_recording(demonstrations: Demonstrations, extent: float, space: st
 
 def _report_orientations(arguments: argparse.Namespace, demonstrations: Demonstrations) -> None:
     """Print the order in which quaternions were read, and how the tool points then."""
-    from geodesic_motion_ros.demonstrations.quaternion_order import tilts
+    from geodesic_motion_ros.demonstrations.quaternion_order import mean_tilts
 
     if arguments.demos.suffix.lower() not in (".npy", ".npz"):
         order = "the names of the columns say"
     else:
-        order = ",".join(quaternion_order(parse_columns(arguments.columns or DEFAULT_COLUMNS)))
-    first, last = tilts(demonstrations)
+        order = ",".join(find_quaternion_order(parse_columns(arguments.columns or DEFAULT_COLUMNS)))
+    first, last = mean_tilts(demonstrations)
     print(
         f"quaternions read as {order}: the tool's z axis begins {first:.0f} and ends {last:.0f} deg from straight down"
     )

@@ -45,7 +45,7 @@ def is_break(values: np.ndarray, times: np.ndarray | None) -> np.ndarray:
     return (is_far_beyond(speeds) & large) | (False if times is None else is_gap(steps))
 
 
-def changing_at(breaks: np.ndarray, columns: Mapping[str, Sequence[Any]]) -> tuple[str, int] | None:
+def find_changing_column(breaks: np.ndarray, columns: Mapping[str, Sequence[Any]]) -> tuple[str, int] | None:
     """The first column that keeps its value for long and changes at breaks alone, and its first sample after a change.
 
     breaks : (T - 1,) as of `is_break`. columns : cells (T,) by their names.

@@ -98,7 +98,7 @@ _DAYS, _SHORTEST_STEP, _LONGEST_DAY_STEP = 3e4, 1e-3, 2.0
 _LATE = 1e6
 
 
-def unit_of_times(times: np.ndarray) -> str:
+def find_unit(times: np.ndarray) -> str:
     """The unit that times (T,) of a recording must have been written in, by their usual step: of PER_UNIT."""
     steps = np.diff(times)
     usual = float(np.median(steps[steps > 0.0])) if np.any(steps > 0.0) else 0.0
@@ -107,12 +107,12 @@ def unit_of_times(times: np.ndarray) -> str:
     return next((unit for step, unit in _STEPS if usual >= step), "s")
 
 
-def in_seconds(times: np.ndarray, written: str, name: str) -> tuple[np.ndarray, tuple[Flaw, ...]]:
+def convert_to_seconds(times: np.ndarray, written: str, name: str) -> tuple[np.ndarray, tuple[Flaw, ...]]:
     """Times (T,) of the file `name` in seconds, late ones from the first on, and how they were read.
 
     written : the unit as the file says; "": it says none, and the steps show it.
     """
-    unit = written or unit_of_times(times)
+    unit = written or find_unit(times)
     late = len(times) > 0 and abs(times[0]) * PER_UNIT[unit] > _LATE
     # counted as they are written: milliseconds since 1970 times 0.001 are rounded
     seconds = PER_UNIT[unit] * (times - times[0] if late else times)
@@ -122,7 +122,7 @@ def in_seconds(times: np.ndarray, written: str, name: str) -> tuple[np.ndarray, 
     return seconds, (Flaw(name, 0.0, f"has times in {unit}", Action.READ, f"as seconds, {how}"),)
 
 
-def runs_of(times: np.ndarray) -> list[slice]:
+def split_runs(times: np.ndarray) -> list[slice]:
     """The parts of times (T,) that begin again: from a fall, below which those that follow stay."""
     falls = np.flatnonzero(np.diff(times) < 0.0) + 1
     begins = [fall for fall in falls if np.median(times[fall : fall + STAYING]) < times[fall - 1]]

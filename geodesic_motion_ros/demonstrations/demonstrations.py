@@ -10,10 +10,10 @@ import numpy as np
 
 from geodesic_motion_ros.demonstrations.checks import (
     Abscissa,
+    check_columns,
     check_resampling,
+    check_rising_times,
     check_samples,
-    columns,
-    increasing_times,
 )
 from geodesic_motion_ros.geometry.curves import PoseCurve, arc_length, interpolate
 from geodesic_motion_ros.geometry.quaternions import continuous_signs, normalise
@@ -50,9 +50,9 @@ class Demonstration:
     name: str
 
     def __post_init__(self) -> None:
-        positions = columns(self.positions, ("px", "py", "pz"), self.name)
-        quaternions = columns(self.quaternions, ("qw", "qx", "qy", "qz"), self.name)
-        times = increasing_times(self.times, self.name)
+        positions = check_columns(self.positions, ("px", "py", "pz"), self.name)
+        quaternions = check_columns(self.quaternions, ("qw", "qx", "qy", "qz"), self.name)
+        times = check_rising_times(self.times, self.name)
         if not len(positions) == len(quaternions) == len(times):
             raise DemonstrationError(
                 f"demonstration '{self.name}' has {len(positions)} positions, {len(quaternions)} quaternions "

@@ -12,10 +12,10 @@ import numpy as np
 
 from geodesic_motion_ros.demonstrations.checks import (
     Abscissa,
+    check_columns,
     check_resampling,
+    check_rising_times,
     check_samples,
-    columns,
-    increasing_times,
 )
 from geodesic_motion_ros.demonstrations.demonstrations import Demonstration, Demonstrations, DemonstrationSet
 from geodesic_motion_ros.geometry.curves import arc_length
@@ -54,8 +54,8 @@ class JointDemonstration:
     def __post_init__(self) -> None:
         joints = np.shape(self.configurations)[-1] if np.ndim(self.configurations) == 2 else 1
         names = [f"joint {number}" for number in range(1, joints + 1)]
-        configurations = columns(self.configurations, names, self.name)
-        times = increasing_times(self.times, self.name)
+        configurations = check_columns(self.configurations, names, self.name)
+        times = check_rising_times(self.times, self.name)
         if len(configurations) != len(times):
             raise DemonstrationError(
                 f"demonstration '{self.name}' has {len(configurations)} configurations and {len(times)} times; "

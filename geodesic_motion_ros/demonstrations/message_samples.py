@@ -96,12 +96,12 @@ class JointSamples:
         """
         if not self._rows:
             return self._merged(name)
-        read = ReceivedTake.of(stacked(self._rows), self._names, name)
+        read = ReceivedTake.of(stack_rows(self._rows), self._names, name)
         return replace(read, flaws=(*read.flaws, *self._passed_over(name)))
 
     def _merged(self, name: str) -> ReceivedTake:
         """Samples whenever the joint comes that comes least often, the others on straight lines between theirs."""
-        received, stamps, parts = stacked(self._parts)
+        received, stamps, parts = stack_rows(self._parts)
         finite = np.isfinite(parts)
         lags = np.array([np.median((received - stamps)[own]) for own in finite.T])
         unset = f"whose clocks differ by {np.ptp(lags) / 1e9:.2f} s" if np.ptp(lags) > CLOCKS_APART else ""
@@ -169,7 +169,7 @@ def stamp_of(header: Any) -> int:
     return header.stamp.sec * 1_000_000_000 + header.stamp.nanosec
 
 
-def stacked(rows: Sequence[tuple[int, int, np.ndarray]]) -> Samples:
+def stack_rows(rows: Sequence[tuple[int, int, np.ndarray]]) -> Samples:
     """Samples of at least one row: received, stamped [ns], values (C,)."""
     received, stamps, values = zip(*rows, strict=True)
     return np.array(received), np.array(stamps), np.array(values, dtype=float)

@@ -25,7 +25,7 @@ LARGEST_ANGLE = 2.0 * np.pi + 0.01
 _ROUNDING = 1e-2
 
 
-def of_rotation_vectors(vectors: np.ndarray, name: str) -> np.ndarray:
+def convert_rotation_vectors(vectors: np.ndarray, name: str) -> np.ndarray:
     """Quaternions (T, 4), neighbours in one hemisphere, of rotation vectors (T, 3) [rad] in the base frame.
 
     A turn by about half a turn is written as one vector or as its opposite: where the sign flips nothing jumps.
@@ -43,7 +43,7 @@ def of_rotation_vectors(vectors: np.ndarray, name: str) -> np.ndarray:
     return continuous_signs(from_rotation(Rotation.from_rotvec(vectors)))
 
 
-def of_roll_pitch_yaw(angles: np.ndarray, name: str) -> np.ndarray:
+def convert_roll_pitch_yaw(angles: np.ndarray, name: str) -> np.ndarray:
     """The same of angles (T, 3) [rad] of turns about the fixed axes x, then y, then z.
 
     DemonstrationError: one is larger than a whole turn, as degrees are.
@@ -58,7 +58,7 @@ def of_roll_pitch_yaw(angles: np.ndarray, name: str) -> np.ndarray:
     return continuous_signs(from_rotation(Rotation.from_euler("xyz", angles)))
 
 
-def of_matrices(matrices: np.ndarray, name: str) -> tuple[np.ndarray, np.ndarray]:
+def convert_matrices(matrices: np.ndarray, name: str) -> tuple[np.ndarray, np.ndarray]:
     """Positions (T, 3), in the unit of the file, and quaternions (T, 4) of homogeneous matrices (T, 16).
 
     They are written in rows, or in columns as libfranka does: where the zeros and the one at the end are says which.
@@ -81,15 +81,15 @@ def of_matrices(matrices: np.ndarray, name: str) -> tuple[np.ndarray, np.ndarray
 
 #: What makes quaternions of three columns.
 _OF_THREE: dict[tuple[str, ...], Callable[[np.ndarray, str], np.ndarray]] = {
-    ROTATION_VECTOR: of_rotation_vectors, ROLL_PITCH_YAW: of_roll_pitch_yaw,
+    ROTATION_VECTOR: convert_rotation_vectors, ROLL_PITCH_YAW: convert_roll_pitch_yaw,
 }  # fmt: skip
 
 
-def in_quaternions(table: Mapping[str, np.ndarray], name: str) -> dict[str, np.ndarray]:
+def convert_to_quaternions(table: Mapping[str, np.ndarray], name: str) -> dict[str, np.ndarray]:
     """A table of a demonstration with its orientations as qw, qx, qy, qz, whatever columns it has them in."""
     converted = dict(table)
     if MATRIX in converted:
-        position, quaternions = of_matrices(converted.pop(MATRIX), name)
+        position, quaternions = convert_matrices(converted.pop(MATRIX), name)
         return converted | dict(zip((*POSITION, *QUATERNION), np.hstack([position, quaternions]).T, strict=True))
     for names, quaternions_of in _OF_THREE.items():
         if names[0] in converted:

@@ -27,14 +27,14 @@ def share_down(quaternions: np.ndarray) -> np.ndarray:
     return x**2 + y**2 - w**2 - z**2
 
 
-def tilts(demonstrations: Demonstrations) -> tuple[float, float]:
+def mean_tilts(demonstrations: Demonstrations) -> tuple[float, float]:
     """Mean angle [deg] of the tool's z axis from straight down where demonstrations begin, and where they end."""
     ends = np.array([[item.quaternions[0], item.quaternions[-1]] for item in demonstrations])
     first, last = np.degrees(np.arccos(np.clip(share_down(ends), -1.0, 1.0))).mean(axis=0)
     return float(first), float(last)
 
 
-def looks_scalar_last(demonstrations: Demonstrations) -> bool:
+def is_scalar_last(demonstrations: Demonstrations) -> bool:
     """Whether a tool that hardly points down, its quaternions read as (w, x, y, z), does as (x, y, z, w)."""
     read = np.concatenate([item.quaternions for item in demonstrations])
     down, otherwise = (float(share_down(order).mean()) for order in (read, np.roll(read, 1, axis=1)))

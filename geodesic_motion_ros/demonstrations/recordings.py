@@ -11,11 +11,15 @@ from geodesic_motion_ros.demonstrations import bags
 from geodesic_motion_ros.demonstrations.demonstrations import Demonstrations
 from geodesic_motion_ros.demonstrations.flaws import find_strangers, repair_demonstration, repair_samples
 from geodesic_motion_ros.demonstrations.joint_demonstrations import JointDemonstrations
-from geodesic_motion_ros.demonstrations.readers import demonstrations_of, in_radians, joint_demonstrations_of
+from geodesic_motion_ros.demonstrations.readers import (
+    convert_to_radians,
+    make_demonstrations,
+    make_joint_demonstrations,
+)
 from geodesic_motion_ros.demonstrations.returns import find_returns
-from geodesic_motion_ros.demonstrations.splitting import Split, split
+from geodesic_motion_ros.demonstrations.splitting import Split, split_take
 from geodesic_motion_ros.demonstrations.takes import NO_FLAW, Action, Flaw, Take
-from geodesic_motion_ros.demonstrations.turns import aligned, unwrapped
+from geodesic_motion_ros.demonstrations.turns import align_turns, unwrap_turns
 from geodesic_motion_ros.geometry.curves import arc_length
 from geodesic_motion_ros.robot.description import RobotDescription
 from geodesic_motion_ros.utils.checked_files import brief
@@ -67,11 +71,11 @@ class Recording:
         """
         reads = []
         for path in paths:
-            source, found = bags.chosen_source(path, topic)
+            source, found = bags.choose_source(path, topic)
             names = _robot(robot).joint_names if found.kind == bags.JOINTS else ()
             read = bags.read_take(path, source, names, how.marker)
             if names:
-                read = replace(read, take=in_radians([read.take], units)[0])
+                read = replace(read, take=convert_to_radians([read.take], units)[0])
             reads.append(_in_base(read, robot))
         takes = [read.take for read in reads]
         if len({take.of_joints for take in takes}) > 1:
@@ -91,14 +95,14 @@ class Recording:
             take, repaired = _repaired(read.take, arm)
             flaws += [*read.flaws, *take.found, *repaired]
             if not any(flaw.action is Action.REFUSED for flaw in repaired):
-                parts, between = split(take, how, read.markers, read.breaks)
+                parts, between = split_take(take, how, read.markers, read.breaks)
                 motions += parts
                 flaws += between
         return cls._of([read.take for read in reads], motions, flaws, robot)
 
     @classmethod
     def _of(cls, takes: Sequence[Take], motions: Sequence[Take], flaws: list[Flaw], robot: str) -> Recording:
-        motions, turns = aligned(motions, _robot(robot)) if robot else (motions, [])
+        motions, turns = align_turns(motions, _robot(robot)) if robot else (motions, [])
         repaired = [repair_demonstration(motion) for motion in motions]
         flaws = [*flaws, *turns, *(flaw for _, found in repaired for flaw in found)]
         found = cls(tuple(takes), tuple(motion for motion, _ in repaired), tuple(flaws), robot)
@@ -166,7 +170,7 @@ class Recording:
         return [motion for motion in self.motions if motion.name not in self.left_out]
 
     def _demonstrations(self, motions: Sequence[Take]) -> Demonstrations | JointDemonstrations:
-        return joint_demonstrations_of(motions, self.robot) if self.robot else demonstrations_of(motions)
+        return make_joint_demonstrations(motions, self.robot) if self.robot else make_demonstrations(motions)
 
     def _strangers(self) -> list[Flaw]:
         demonstrations = self._demonstrations(self._kept())
@@ -188,7 +192,7 @@ def _in_base(read: bags.BagTake, robot: str) -> bags.BagTake:
 
 def _repaired(take: Take, robot: Robot | None) -> tuple[Take, list[Flaw]]:
     """The take without whole turns and wrong samples; robot : whose joints it has, None: it has poses."""
-    take, turns = unwrapped(take, robot) if robot else (take, [])
+    take, turns = unwrap_turns(take, robot) if robot else (take, [])
     take, found = repair_samples(take)
     return take, turns + found
 

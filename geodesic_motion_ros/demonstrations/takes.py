@@ -8,7 +8,7 @@ from enum import Enum
 
 import numpy as np
 
-from geodesic_motion_ros.demonstrations.checks import columns, times_in_seconds
+from geodesic_motion_ros.demonstrations.checks import check_columns, check_times
 from geodesic_motion_ros.demonstrations.column_names import POSITION, QUATERNION
 
 POSE = (*POSITION, *QUATERNION)
@@ -76,8 +76,8 @@ class Take:
     in_one_go: bool = False
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "times", times_in_seconds(self.times, self.name))
-        object.__setattr__(self, "values", columns(self.values, self.names, self.name, self.times))
+        object.__setattr__(self, "times", check_times(self.times, self.name))
+        object.__setattr__(self, "values", check_columns(self.values, self.names, self.name, self.times))
 
     def __len__(self) -> int:
         return len(self.times)
@@ -92,7 +92,7 @@ class Take:
         return replace(self, times=self.times[samples], values=self.values[samples], name=name or self.name)
 
 
-def per_column(sizes: Mapping[str, float], names: Sequence[str]) -> np.ndarray:
+def sizes_by_column(sizes: Mapping[str, float], names: Sequence[str]) -> np.ndarray:
     """One size (C,) for each column, out of those of "joint", "position" and "quaternion"."""
     kinds = ("position" if name in POSITION else "quaternion" if name in QUATERNION else "joint" for name in names)
     return np.array([sizes[kind] for kind in kinds])

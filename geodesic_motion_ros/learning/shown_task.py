@@ -11,9 +11,9 @@ from geodesic_motion_ros.demonstrations.canonical import (
     CanonicalForm,
     ConfigurationForm,
     PoseForm,
-    configuration_curves,
     mean_ends,
-    pose_curves,
+    sample_configurations,
+    sample_poses,
 )
 from geodesic_motion_ros.demonstrations.demonstrations import Demonstrations
 from geodesic_motion_ros.demonstrations.joint_demonstrations import JointDemonstrations
@@ -137,7 +137,7 @@ class ShownPoses(ShownTask):
         """The arc counts turning as well (`curves.pose_arc_length`): with positions alone, a tool that turns nearly on
         the spot would leave gaps of ten degrees and more between neighbouring samples.
         """
-        return pose_curves(self._demonstrations, samples, self.settings.rotation_length)
+        return sample_poses(self._demonstrations, samples, self.settings.rotation_length)
 
     def _raw_code_curves(self) -> Curves:
         even = self._demonstrations.resampled(CODE_SAMPLES)
@@ -182,4 +182,4 @@ class ShownConfigurations(ShownTask):
         return graph.transported(JointOffsets.none(graph.robot, graph.mean_path_count)).energies()
 
     def _raw_curves(self, samples: int) -> Curves:
-        return configuration_curves(self._demonstrations, self._arm, self.settings.metric, samples)
+        return sample_configurations(self._demonstrations, self._arm, self.settings.metric, samples)

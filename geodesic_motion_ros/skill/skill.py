@@ -40,7 +40,7 @@ from geodesic_motion_ros.skill.description import (
     check_thresholds,
 )
 from geodesic_motion_ros.skill.folder import LARGEST_DESCRIPTION, LATENT_ARRAYS, read_folder
-from geodesic_motion_ros.skill.kept_graph import kept_graph
+from geodesic_motion_ros.skill.kept_graph import read_or_build_graph
 from geodesic_motion_ros.skill.sheet import CanonicalSheet, JointSheet
 from geodesic_motion_ros.skill.space import SPACES
 from geodesic_motion_ros.utils.checked_files import PlainDumper, brief
@@ -113,7 +113,7 @@ class LearnedModel:
         self, shape: tuple[int, ...] | None = None, neighbours: int | None = None
     ) -> PoseGraph | ConfigurationGraph:
         """Decode the latent box into its graph, by default that of GRID_SHAPES and NEIGHBOURS: for a large one seconds,
-        which a skill takes once (`kept_graph`).
+        which a skill takes once (`read_or_build_graph`).
 
         Raises
         ------
@@ -186,7 +186,7 @@ class Skill(LearnedModel):
 
     def _configuration_graph(self, **recipe: Any) -> ConfigurationGraph:
         """That of a trained skill is kept for the next program."""
-        return kept_graph(self.name, recipe)
+        return read_or_build_graph(self.name, recipe)
 
     def _energy_limit(self, shape: tuple[int, ...]) -> float:
         """energy_per_edge for edges of another grid: squared lengths grow with the square of the spacing."""

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from geodesic_motion_ros.demonstrations.readers import joint_takes, read_joint_demonstrations
+from geodesic_motion_ros.demonstrations.readers import read_joint_demonstrations, read_joint_takes
 from geodesic_motion_ros.demonstrations.recordings import Recording
 from geodesic_motion_ros.demonstrations.splitting import STILL, Split
 from geodesic_motion_ros.demonstrations.takes import Action
@@ -123,7 +123,7 @@ def test_several_bags_are_one_recording_and_need_names_of_their_own(curves, bag,
 
 def test_the_good_demonstrations_of_a_file_are_not_changed(recordings) -> None:
     path = recordings / "joints" / "panda_assembly.csv"
-    recording = Recording.of_files(joint_takes(path, "panda"), "panda")
+    recording = Recording.of_files(read_joint_takes(path, "panda"), "panda")
     assert all(flaw.action is Action.KEPT for flaw in recording.flaws)
     for item, original in zip(recording.checked(), read_joint_demonstrations(path, "panda"), strict=True):
         np.testing.assert_array_equal(item.configurations, original.configurations)
