@@ -148,4 +148,4 @@ Demonstrated = TypeVar("Demonstrated", Demonstrations, JointDemonstrations)
 
 def evenly_sampled(demonstrations: Demonstrated) -> Demonstrated:
     """Demonstrations with equally many samples each, as arrays in a file need: as many as the longest has."""
-    return demonstrations.resampled(max(len(item) for item in demonstrations), by="time")
+    return demonstrations.resample(max(len(item) for item in demonstrations), by="time")

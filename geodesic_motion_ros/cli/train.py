@@ -194,7 +194,7 @@ def run(arguments: argparse.Namespace, measures: Mapping[str, Measure] | None = 
     _note_the_flaws(recording)
     training = (
         train_joint.JointTraining if space == "joint" else train_task.TaskTraining
-    ).from_arguments(arguments, recording.checked(arguments.strict), _SHARED)  # fmt: skip
+    ).from_arguments(arguments, recording.demonstrations(arguments.strict), _SHARED)  # fmt: skip
     measure = _measure(measures, space) if arguments.held_out else None
     name = arguments.out.resolve().name if arguments.name is None else arguments.name
     check_text("--name", name)
@@ -295,7 +295,7 @@ def _note_the_flaws(recording: Recording) -> None:
     between = [flaw for flaw in recording.flaws if flaw.action is Action.PASSED_OVER]
     if between:
         print(f"{len(between)} motions lead back to the start and are passed over; `inspect` lists them")
-    names = [motion.name for motion in recording.motions if motion.name not in recording.left_out]
+    names = [motion.name for motion in recording.motions if motion.name not in recording.left_out_names]
     if len(names) < len(recording.motions):
         print(f"learning from {', '.join(names)}; --held-out counts these, from 0")
 

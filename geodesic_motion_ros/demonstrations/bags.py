@@ -59,7 +59,7 @@ class Topic:
 
 @dataclass(frozen=True)
 class Source:
-    """What --topic says: a topic, and for transforms the frames of the base and of the tool."""
+    """A source that --topic names: a topic, and for transforms the frames of the base and of the tool."""
 
     topic: str
     base: str = ""
@@ -67,7 +67,7 @@ class Source:
 
     @classmethod
     def parse(cls, text: str) -> Source:
-        """Out of `/joint_states`, or `/tf:BASE:TOOL`; DemonstrationError for other forms."""
+        """Read `/joint_states`, or `/tf:BASE:TOOL`; DemonstrationError for other forms."""
         parts = text.split(":")
         if len(parts) not in (1, 3) or not all(parts):
             raise DemonstrationError(
@@ -101,7 +101,7 @@ class _Message:
 
 
 def is_bag(path: Path) -> bool:
-    """Whether a path looks like a bag: a file by its ending, or a folder of ROS 2."""
+    """Tell whether a path looks like a bag: a file by its ending, or a folder of ROS 2."""
     if path.is_dir():
         return (path / "metadata.yaml").is_file() or bool(_storage_files(path))
     return path.suffix.lower() in SUFFIXES or _is_compressed(path)
@@ -112,13 +112,13 @@ def _is_compressed(path: Path) -> bool:
 
 
 def read_topics(path: Path) -> tuple[Topic, ...]:
-    """The topics of a bag, by name. DemonstrationError: it cannot be read."""
+    """List the topics of a bag, by name. DemonstrationError: it cannot be read."""
     with _opened(path) as bag:
         return bag.topics
 
 
 def choose_source(path: Path, requested: str | None) -> tuple[Source, Topic]:
-    """The topic that is requested, or the only one of joint states or poses in the bag.
+    """Choose the topic that is requested, or the only one of joint states or poses in the bag.
 
     Raises
     ------
@@ -196,7 +196,7 @@ def _joints(messages: list[_Message], names: tuple[str, ...], path: Path) -> Joi
     for message in messages:
         samples.add(message.received, message.content)
     if not len(samples):
-        question = "; are they those of another robot? Name it with --robot" if samples.unnamed else ""
+        question = "; are they those of another robot? Name it with --robot" if samples.missing_joints else ""
         raise DemonstrationError(f"{path}: {samples.lacking()}{question}")
     return samples
 

@@ -75,17 +75,17 @@ class CanonicalForm(ABC):
 
     @abstractmethod
     def sheet(self, samples: int) -> CanonicalSheet | JointSheet:
-        """The canonical demonstrations at so many samples, with their modes and offsets, without a regression."""
+        """Make the canonical demonstrations at so many samples, with modes and offsets, without a regression."""
 
     @abstractmethod
     def curves(self, samples: int) -> tuple[np.ndarray, ...]:
-        """The demonstrations, equally spaced along their arcs: arrays (N, samples, ...) of positions [m] and
+        """Sample the demonstrations, equally spaced along their arcs: arrays (N, samples, ...) of positions [m] and
         quaternions, or of configurations [rad] alone.
         """
 
     @abstractmethod
     def remove_offsets(self, curves: tuple[np.ndarray, ...], fade: float) -> tuple[np.ndarray, ...]:
-        """y of curves that are equally spaced along their arcs."""
+        """Solve for the canonical curves y of curves that are equally spaced along their arcs."""
 
     @abstractmethod
     def _count_offsets(self, curves: tuple[np.ndarray, ...]) -> None:
@@ -118,7 +118,7 @@ class PoseForm(CanonicalForm):
         DemonstrationError : a demonstration starts or ends where the others do not, so that they have no form in
             common.
         """
-        self._demonstrations, self._rotation_length = demonstrations.in_one_hemisphere(), rotation_length
+        self._demonstrations, self._rotation_length = demonstrations.align_hemispheres(), rotation_length
         super().__init__([item.name for item in demonstrations], fade)
 
     def sheet(self, samples: int) -> CanonicalSheet:

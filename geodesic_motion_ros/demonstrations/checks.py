@@ -18,7 +18,7 @@ LATEST_TIME = 1e10
 def check_columns(
     array: np.ndarray, names: Sequence[str], demonstration: str, times: np.ndarray | None = None
 ) -> np.ndarray:
-    """A float64 copy of shape (T, len(names)), every value finite; DemonstrationError otherwise.
+    """Copy an array as float64 of shape (T, len(names)), every value finite; DemonstrationError otherwise.
 
     times : (T,) [s], named where they are known.
     """
@@ -40,7 +40,7 @@ def check_columns(
 
 
 def check_times(times: np.ndarray, demonstration: str) -> np.ndarray:
-    """A float64 copy of times (T,) [s], finite and within LATEST_TIME; DemonstrationError otherwise."""
+    """Copy times (T,) [s] as float64, finite and within LATEST_TIME; DemonstrationError otherwise."""
     copy = check_columns(np.reshape(times, (-1, 1)), ("t",), demonstration)[:, 0]
     late = np.flatnonzero(np.abs(copy) > LATEST_TIME)
     if len(late):
@@ -52,7 +52,7 @@ def check_times(times: np.ndarray, demonstration: str) -> np.ndarray:
 
 
 def check_rising_times(times: np.ndarray, demonstration: str) -> np.ndarray:
-    """A float64 copy of times (T,) [s], within LATEST_TIME and strictly increasing; DemonstrationError otherwise."""
+    """Copy times (T,) [s] as float64, within LATEST_TIME and strictly increasing; DemonstrationError otherwise."""
     copy = check_times(times, demonstration)
     falls = np.flatnonzero(np.diff(copy) <= 0.0)
     if len(falls):

@@ -1,4 +1,4 @@
-"""What is wrong with recordings: found, stated, and repaired or refused, by one rule each.
+"""Flaws of recordings: found, stated, and repaired or refused, by one rule each.
 
 | flaw | rule | action |
 |---|---|---|
@@ -58,7 +58,7 @@ TASKS_APART = 0.05
 
 
 def repair_samples(take: Take) -> tuple[Take, list[Flaw]]:
-    """The take with rising times and without spikes, and what was found."""
+    """Repair times that do not rise and spikes of a take; with what was found."""
     flaws = []
     for rule in (_rising_times, _without_spikes):
         take, found = rule(take)
@@ -67,7 +67,7 @@ def repair_samples(take: Take) -> tuple[Take, list[Flaw]]:
 
 
 def repair_demonstration(take: Take) -> tuple[Take, list[Flaw]]:
-    """One demonstration, its times rising, with its jumps bridged, and what was found."""
+    """Bridge the jumps of one demonstration, its times rising; with what was found."""
     flaws = _few_samples(take)
     if flaws and flaws[0].action is Action.LEFT_OUT:
         return take, flaws
@@ -144,7 +144,7 @@ def _speed(take: Take, step: int) -> str:
     """The speed of a step in words, of the column that is fastest beside what it may do."""
     speeds = np.abs(take.values[step + 1] - take.values[step]) / (take.times[step + 1] - take.times[step])
     column = int(np.argmax(speeds / sizes_by_column(FASTEST, take.names)))
-    unit = "rad/s" if take.of_joints else "m/s" if column < 3 else "1/s"
+    unit = "rad/s" if take.is_of_joints else "m/s" if column < 3 else "1/s"
     return f"{speeds[column]:.3g} {unit} in {take.names[column]}"
 
 
@@ -223,13 +223,13 @@ def _no_motion(take: Take) -> list[Flaw]:
     moved = np.abs(take.values - take.values[0]).max(axis=0)
     if np.any(moved >= sizes_by_column(MOTIONLESS, take.names)):
         return []
-    unit = ("rad", 1.0) if take.of_joints else ("mm", 1e3)
-    largest = f"{unit[1] * moved[: None if take.of_joints else 3].max():.2g} {unit[0]}"
+    unit = ("rad", 1.0) if take.is_of_joints else ("mm", 1e3)
+    largest = f"{unit[1] * moved[: None if take.is_of_joints else 3].max():.2g} {unit[0]}"
     return [Flaw(take.name, float(take.times[0]), f"does not move: {largest} at most", Action.REFUSED, "take it out")]
 
 
 def find_strangers(tool: Demonstrations, ends: Sequence[np.ndarray] = ()) -> list[Flaw]:
-    """Demonstrations that start or end where no other does: of another task, interrupted, or in another posture.
+    """Find demonstrations that start or end where no other does: of another task, interrupted, or in another posture.
 
     Parameters
     ----------

@@ -52,7 +52,7 @@ _NO_NUMBER = ("", "nan", "null", "none", "na", "n/a", "-")
 
 @dataclass(frozen=True)
 class MappedTables:
-    """What a file holds.
+    """The tables of a file, by our names.
 
     Attributes
     ----------

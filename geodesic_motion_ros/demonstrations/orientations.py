@@ -26,7 +26,7 @@ _ROUNDING = 1e-2
 
 
 def convert_rotation_vectors(vectors: np.ndarray, name: str) -> np.ndarray:
-    """Quaternions (T, 4), neighbours in one hemisphere, of rotation vectors (T, 3) [rad] in the base frame.
+    """Convert rotation vectors (T, 3) [rad] in the base frame to quaternions (T, 4), neighbours in one hemisphere.
 
     A turn by about half a turn is written as one vector or as its opposite: where the sign flips nothing jumps.
     DemonstrationError: a vector is longer than half a turn, as degrees and Euler angles are.
@@ -44,7 +44,7 @@ def convert_rotation_vectors(vectors: np.ndarray, name: str) -> np.ndarray:
 
 
 def convert_roll_pitch_yaw(angles: np.ndarray, name: str) -> np.ndarray:
-    """The same of angles (T, 3) [rad] of turns about the fixed axes x, then y, then z.
+    """Convert angles (T, 3) [rad] of turns about the fixed axes x, then y, then z to quaternions (T, 4).
 
     DemonstrationError: one is larger than a whole turn, as degrees are.
     """
@@ -59,7 +59,7 @@ def convert_roll_pitch_yaw(angles: np.ndarray, name: str) -> np.ndarray:
 
 
 def convert_matrices(matrices: np.ndarray, name: str) -> tuple[np.ndarray, np.ndarray]:
-    """Positions (T, 3), in the unit of the file, and quaternions (T, 4) of homogeneous matrices (T, 16).
+    """Convert homogeneous matrices (T, 16) to positions (T, 3), in the unit of the file, and quaternions (T, 4).
 
     They are written in rows, or in columns as libfranka does: where the zeros and the one at the end are says which.
     DemonstrationError: neither, or no rotation.
@@ -86,7 +86,7 @@ _OF_THREE: dict[tuple[str, ...], Callable[[np.ndarray, str], np.ndarray]] = {
 
 
 def convert_to_quaternions(table: Mapping[str, np.ndarray], name: str) -> dict[str, np.ndarray]:
-    """A table of a demonstration with its orientations as qw, qx, qy, qz, whatever columns it has them in."""
+    """Convert the orientations of a demonstration's table to columns qw, qx, qy, qz."""
     converted = dict(table)
     if MATRIX in converted:
         position, quaternions = convert_matrices(converted.pop(MATRIX), name)

@@ -46,7 +46,7 @@ SHORTEST_MOTION = 0.01
 def read_demonstrations(
     path: str | Path, units: Units, columns: str = DEFAULT_COLUMNS, rate_hz: float = 100.0
 ) -> Demonstrations:
-    """Read a recording.
+    """Read a recording of poses, in metres.
 
     Parameters
     ----------
@@ -80,7 +80,7 @@ def read_demonstrations(
 
 
 def read_pose_takes(path: Path, units: Units, columns: str = DEFAULT_COLUMNS, rate_hz: float = 100.0) -> list[Take]:
-    """The same as it was recorded, in metres: one take for each demonstration, its times not checked."""
+    """Read poses as they were recorded, in metres: one take for each demonstration, its times not checked."""
     scale = _metres_per(units)
     if is_mapped(path, columns):
         mapped = read_mapped_tables(path, columns)
@@ -100,7 +100,7 @@ def read_pose_takes(path: Path, units: Units, columns: str = DEFAULT_COLUMNS, ra
 
 
 def make_demonstrations(takes: Sequence[Take]) -> Demonstrations:
-    """Those of takes of poses, one each; DemonstrationError names what cannot be used."""
+    """Make demonstrations of takes of poses, one each; DemonstrationError names what cannot be used."""
     oriented = all(len(take.names) == len(POSE) for take in takes)
     return Demonstrations(tuple(map(_demonstration, takes)), has_orientation=oriented)
 
@@ -139,7 +139,7 @@ def read_joint_demonstrations(path: str | Path, robot: str, rate_hz: float = 100
 def read_joint_takes(
     path: Path, robot: str, rate_hz: float = 100.0, columns: str = DEFAULT_COLUMNS, units: str | None = None
 ) -> list[Take]:
-    """The same as it was recorded: one take for each demonstration, joints as the robot's, times not checked.
+    """Read joints as they were recorded, in the robot's order: one take for each demonstration, times not checked.
 
     columns : of files of other programs, our names and those of the file; of our own nothing.
     units : "rad" or "deg"; None: as the file says, radians where it does not.
@@ -163,7 +163,7 @@ def read_joint_takes(
 
 
 def convert_to_radians(takes: Sequence[Take], units: str | None) -> list[Take]:
-    """Takes of joints that were recorded in `units`: "deg", "rad", or "" and None, which are radians.
+    """Convert takes of joints that were recorded in `units` to radians: "deg", "rad", or "" and None, radians.
 
     Raises
     ------
@@ -188,7 +188,7 @@ def _as_found(takes: list[Take], mapped: MappedTables) -> list[Take]:
 
 
 def make_joint_demonstrations(takes: Sequence[Take], robot: str) -> JointDemonstrations:
-    """Those of takes of a robot's joints, one each; DemonstrationError names what cannot be used."""
+    """Make demonstrations of takes of a robot's joints, one each; DemonstrationError names what cannot be used."""
     from geodesic_motion_ros.robot.kinematics import Robot
 
     arm = Robot.named(robot)
@@ -213,7 +213,7 @@ def check_kind(path: Path) -> None:
 
 
 def is_mapped(path: Path, columns: str) -> bool:
-    """Whether a file is one of another program, of which `columns` says which column is which."""
+    """Tell whether a file is one of another program, of which `columns` says which column is which."""
     suffix = path.suffix.lower()
     if suffix != ".csv" or path.is_dir():
         return suffix in TEXT_FILES and not path.is_dir()
@@ -225,7 +225,7 @@ def is_mapped(path: Path, columns: str) -> bool:
 
 
 def is_of_joints(path: str | Path) -> bool:
-    """Whether a file says of itself that it is a recording of joints, for `read_joint_demonstrations`.
+    """Tell whether a file says of itself that it is a recording of joints, for `read_joint_demonstrations`.
 
     A `.npz` with the key `configurations`, or a `.csv`, or a folder of them, with a column `demonstration` and none of
     positions. False for what cannot be read.

@@ -41,7 +41,7 @@ Content = TypeVar("Content")
 
 @contextmanager
 def name_in_errors(path: Path) -> Iterator[None]:
-    """Errors name the file; those that do already stay as they are."""
+    """Name the file in errors; those that do already stay as they are."""
     try:
         yield
     except DemonstrationError as error:
@@ -51,7 +51,7 @@ def name_in_errors(path: Path) -> Iterator[None]:
 
 
 def read_pose_tables(path: Path, names: tuple[str, ...], rate_hz: float) -> dict[str, Table]:
-    """Those of a recording of poses, by the names of the demonstrations; names : of its columns, in their order.
+    """Read the tables of a recording of poses, by the names of the demonstrations; names : of its columns, in order.
 
     rate_hz : samples a second of files that have no times.
 
@@ -63,7 +63,7 @@ def read_pose_tables(path: Path, names: tuple[str, ...], rate_hz: float) -> dict
 
 
 def read_joint_tables(path: Path, joint_names: tuple[str, ...], robot: str, rate_hz: float) -> dict[str, Table]:
-    """The same of a recording of a robot's joints."""
+    """Read the tables of a recording of a robot's joints, by the names of the demonstrations."""
 
     def read_npz(path: Path, names: tuple[str, ...]) -> dict[str, Table]:
         return _joint_arrays(_load(path, read_arrays), names, robot, path)
@@ -75,12 +75,12 @@ def read_joint_tables(path: Path, joint_names: tuple[str, ...], robot: str, rate
 
 
 def find_files(path: Path) -> list[Path]:
-    """The `.csv` files of a folder, by name, which are one recording together; [] of what is no folder."""
+    """List the `.csv` files of a folder, by name, which are one recording together; [] of what is no folder."""
     return sorted(path.glob("*.csv")) if path.is_dir() else []
 
 
 def read_names(path: Path) -> set[str]:
-    """Names of the arrays of a `.npz`, or of the columns of a `.csv`, of a folder's first one; none of other files.
+    """Read the names of the arrays of a `.npz`, or of the columns of a `.csv` or a folder's first; none of other files.
     Raises what cannot be read.
     """
     if files := find_files(path):

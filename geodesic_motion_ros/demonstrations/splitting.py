@@ -40,7 +40,7 @@ class Span(NamedTuple):
 
 @dataclass(frozen=True)
 class Split:
-    """How a take is split; one of the three.
+    """The rule by which a take is split; one of the three.
 
     Attributes
     ----------
@@ -57,7 +57,7 @@ class Split:
 
     @classmethod
     def parse(cls, text: str, pause: float = PAUSE, first: int = 1) -> Split:
-        """Out of `standstill`, a topic as `/mark`, or times [s] as `3.2-9.8,14-20.5`; DemonstrationError otherwise."""
+        """Read `standstill`, a topic as `/mark`, or times [s] as `3.2-9.8,14-20.5`; DemonstrationError otherwise."""
         if not (math.isfinite(pause) and pause > 0.0) or first < 1:
             raise DemonstrationError(f"pause {pause:g} s, first motion {first}: both must be positive")
         if text == "standstill":
@@ -79,7 +79,7 @@ class Split:
 def split_take(
     take: Take, how: Split, markers: Sequence[tuple[float, bool | str | None]] = (), breaks: Sequence[float] = ()
 ) -> tuple[list[Take], list[Flaw]]:
-    """The demonstrations in a take, and what was not taken for one. DemonstrationError: there is none.
+    """Split a take into its demonstrations; with what was not taken for one. DemonstrationError: there is none.
 
     markers : times [s] and values of the messages of `how.marker`.
     breaks : times [s] of samples that no motion leads to from the one before, as where a simulation was reset.
@@ -119,7 +119,7 @@ def split_take(
 
 
 def is_still(take: Take, duration: float) -> np.ndarray:
-    """Whether each sample (T,) lies in a standstill of `duration` [s]; also false in gaps that long, where none is.
+    """Tell whether each sample (T,) lies in a standstill of `duration` [s]; false in gaps that long, where none is.
 
     Times rise. Judged on a grid of 50 Hz between the samples, so that neither rate nor jitter of a recording counts.
     """
@@ -138,7 +138,7 @@ def is_still(take: Take, duration: float) -> np.ndarray:
 
 
 def find_moving_spans(take: Take, pause: float, breaks: Sequence[float] = ()) -> list[Span]:
-    """The parts of a take between standstills, gaps, of `pause` seconds, and breaks [s], one after the other."""
+    """Find the parts of a take between standstills, gaps, of `pause` seconds, and breaks [s], one after the other."""
     still = is_still(take, pause)
     broken = np.diff(np.searchsorted(np.array(breaks), take.times, "right")) > 0
     gap = np.append((np.diff(take.times) >= pause) | broken, True)
@@ -159,7 +159,7 @@ def find_moving_spans(take: Take, pause: float, breaks: Sequence[float] = ()) ->
 def find_marked_spans(
     markers: Sequence[tuple[float, bool | str | None]], last: float, name: str
 ) -> tuple[list[Span], list[Flaw]]:
-    """The parts between marks, up to the `last` time [s] of the take.
+    """Find the parts between marks, up to the `last` time [s] of the take.
 
     | marker | begins a demonstration | ends it |
     | Empty  | the first, the third, ... | the second, the fourth, ... |

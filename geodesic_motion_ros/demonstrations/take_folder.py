@@ -52,12 +52,12 @@ class TakeFolder:
 
     @property
     def joint_names(self) -> tuple[str, ...]:
-        """Of the messages."""
+        """Names of the joints in messages."""
         return self._joints_heard
 
     @property
     def next_name(self) -> str:
-        """Of the next take: take_001, or one more than the highest number, those of another session included."""
+        """Name of the next take: take_001, or one more than the highest number, those of another session included."""
         names = [*(take.name for take in self._takes), *(file.stem for file in find_files(self.folder))]
         numbers = [int(found[1]) for name in names if (found := re.fullmatch(r"take_(\d+)", name))]
         return f"take_{max(numbers, default=0) + 1:03d}"

@@ -15,7 +15,7 @@ POSE = (*POSITION, *QUATERNION)
 
 
 class Action(Enum):
-    """What is done about a flaw."""
+    """The treatment of a flaw."""
 
     KEPT = "kept"
     REPAIRED = "repaired"
@@ -83,16 +83,16 @@ class Take:
         return len(self.times)
 
     @property
-    def of_joints(self) -> bool:
+    def is_of_joints(self) -> bool:
         """Whether the columns are joints."""
         return self.names[0] not in POSITION
 
     def part(self, samples: slice | np.ndarray, name: str | None = None) -> Take:
-        """Those samples alone, under another name if one is given."""
+        """Cut the take to some samples, under another name if one is given."""
         return replace(self, times=self.times[samples], values=self.values[samples], name=name or self.name)
 
 
 def sizes_by_column(sizes: Mapping[str, float], names: Sequence[str]) -> np.ndarray:
-    """One size (C,) for each column, out of those of "joint", "position" and "quaternion"."""
+    """Look up one size (C,) for each column, among those of "joint", "position" and "quaternion"."""
     kinds = ("position" if name in POSITION else "quaternion" if name in QUATERNION else "joint" for name in names)
     return np.array([sizes[kind] for kind in kinds])

@@ -47,7 +47,7 @@ class CellTable:
 
 
 def read_cells(path: Path, wanted: Collection[str]) -> CellTable:
-    """The cells of a text file.
+    """Read the cells of a text file.
 
     wanted : names of columns that are needed; the header is the first line that has them all.
 

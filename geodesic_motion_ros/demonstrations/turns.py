@@ -19,7 +19,7 @@ CLOSE = 1.0
 
 
 def unwrap_turns(take: Take, robot: Robot) -> tuple[Take, list[Flaw]]:
-    """The take with steps of whole turns taken out, and what was found.
+    """Take steps of whole turns out of a take; with what was found.
 
     Only of joints that have room for it: the limits of the robot hold for the result.
     """
@@ -38,7 +38,7 @@ def unwrap_turns(take: Take, robot: Robot) -> tuple[Take, list[Flaw]]:
 
 
 def align_turns(motions: Sequence[Take], robot: Robot) -> tuple[list[Take], list[Flaw]]:
-    """Motions whose joints without an end lie within half a turn of those of the first one, and what was found."""
+    """Move joints without an end to within half a turn of those of the first motion; with what was found."""
     moved, flaws = [], []
     endless = np.isinf(robot.lower) & np.isinf(robot.upper)
     for motion in motions:

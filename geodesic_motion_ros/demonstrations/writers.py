@@ -80,7 +80,7 @@ def save_take(take: Take, path: str | Path) -> None:
 
 
 def check_suffix(path: str | Path, suffixes: tuple[str, ...]) -> Path:
-    """A path that ends in one of the suffixes; DemonstrationError otherwise."""
+    """Refuse a path that ends in none of the suffixes: DemonstrationError; else it is returned."""
     path = Path(path)
     if path.suffix.lower() not in suffixes:
         raise DemonstrationError(

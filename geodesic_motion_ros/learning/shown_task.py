@@ -105,7 +105,7 @@ class ShownPoses(ShownTask):
         self, demonstrations: Demonstrations, settings: TrainingSettings | None = None, robot: str | None = None
     ) -> None:
         self.settings = settings or TrainingSettings()
-        self._demonstrations = demonstrations.in_one_hemisphere()
+        self._demonstrations = demonstrations.align_hemispheres()
         self.names, self.frame = [item.name for item in demonstrations], demonstrations.frame
         self.robot = robot or DEFAULT_ROBOT
         self.likelihood = PoseLikelihood(self.settings)
@@ -140,7 +140,7 @@ class ShownPoses(ShownTask):
         return sample_poses(self._demonstrations, samples, self.settings.rotation_length)
 
     def _raw_code_curves(self) -> Curves:
-        even = self._demonstrations.resampled(CODE_SAMPLES)
+        even = self._demonstrations.resample(CODE_SAMPLES)
         return even.positions_array(), even.quaternions_array()
 
 

@@ -41,8 +41,8 @@ _SILENT_FOR = 2.0
 
 
 def read_or_build_graph(name: str, recipe: Mapping[str, Any]) -> ConfigurationGraph:
-    """The graph that `build_configuration_graph` makes of a recipe, its arguments by name: read where it was kept,
-    made and kept where not.
+    """Read the graph that `build_configuration_graph` makes of a recipe, its arguments by name; build and keep it where
+    none is kept.
 
     A line on standard error says when it takes long. name : of the skill, for that line.
 
@@ -117,7 +117,7 @@ def _announced(text: str) -> Iterator[None]:
 
 
 def digest_recipe(recipe: Mapping[str, Any]) -> str:
-    """A name for everything in a recipe, for the code that makes a graph and for the machine."""
+    """Name everything in a recipe by a digest, with the code that makes a graph and for the machine."""
     hasher = hashlib.sha256(_made_by().encode())
     _add(hasher, dict(recipe))
     return hasher.hexdigest()

@@ -104,7 +104,7 @@ class LearnedModel:
 
     @property
     def mean_paths(self) -> MeanPaths | None:
-        """Where the demonstrations run on average; None on the raw sheet, and for a single demonstration."""
+        """Mean paths of the demonstrations; None on the raw sheet, and for a single demonstration."""
         if self.canonical is None or not self.canonical.has_mean_paths:
             return None
         return MeanPaths.of_codes(self.codes, self.canonical.modes)
@@ -169,8 +169,8 @@ class Skill(LearnedModel):
     scene: dict[str, Any] | None = None
 
     def mean_configuration(self, end: Literal["start", "goal"]) -> np.ndarray:
-        """The configuration (eta,) [rad] in which the first group of demonstrations starts, or ends, on average; on the
-        raw sheet the first demonstration. Of a skill of joint space.
+        """Return the mean start, or goal, (eta,) [rad] of the first group of demonstrations; on the raw sheet that of
+        the first demonstration. For skills of joint space.
         """
         if self.canonical is not None:
             return getattr(self.canonical, f"{end}_poles")[0].copy()
@@ -179,7 +179,7 @@ class Skill(LearnedModel):
 
     @classmethod
     def of(cls, model: LearnedModel, energy_per_edge: float, **attributes: Any) -> Skill:
-        """A skill of what was learned, with its other attributes by name; SkillError where no file could hold it."""
+        """Make a skill of what was learned, its other attributes by name; SkillError where no file could hold it."""
         check_thresholds({"sigma_support": model.sigma_support, "energy_per_edge": energy_per_edge})
         learned = {item.name: getattr(model, item.name) for item in fields(model)}
         return cls(**learned, energy_per_edge=energy_per_edge, **attributes)
@@ -292,7 +292,7 @@ def _resolve(folder: str | os.PathLike[str]) -> Path:
 
 
 def shipped_skills() -> list[str]:
-    """The names of the skills that this installation has, sorted."""
+    """List the names of the skills that this installation has, sorted."""
     try:
         return sorted(file.parent.name for file in find_shared("models").glob("*/skill.yaml"))
     except GeodesicMotionError:

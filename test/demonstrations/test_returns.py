@@ -50,7 +50,7 @@ def test_a_full_turn_of_the_tool_on_the_spot_returns() -> None:
 def test_the_recording_is_refused_where_half_of_the_motions_return() -> None:
     laps = [circle(1.0, str(number)) for number in range(3)]
     with pytest.raises(DemonstrationError, match=r"returns to its start \(3 of 3 do\), .* 0\.000 m from .* 0\.63 m"):
-        Recording.of_files(laps).checked()
+        Recording.of_files(laps).demonstrations()
     assert actions(circle(1.0), *(circle(0.5, str(number)) for number in range(3))) == []
 
 
