@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 import yaml
 
-from geodesic_motion_ros.demonstrations.readers import holds_joints, read_demonstrations, read_joint_demonstrations
+from geodesic_motion_ros.demonstrations.readers import is_of_joints, read_demonstrations, read_joint_demonstrations
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.skill.skill import Skill
 from geodesic_motion_ros.utils.checked_files import read_arrays, read_tensors, read_yaml
@@ -116,7 +116,7 @@ def test_an_altered_recording_is_read_or_refused(suffix, tmp_path) -> None:
     reasons = []
     for _ in range(300):
         file.write_bytes(altered(content, random))
-        holds_joints(file)
+        is_of_joints(file)
         try:
             read = read_joint_demonstrations(file, "panda") if "joints" in suffix else read_demonstrations(file, "m")
         except DemonstrationError as error:

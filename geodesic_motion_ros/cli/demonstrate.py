@@ -99,11 +99,11 @@ def run(arguments: argparse.Namespace) -> None:
 
 def _check(arguments: argparse.Namespace) -> None:
     """Refuse options that do not go together."""
-    from geodesic_motion_ros.demonstrations.writers import JOINT_SUFFIXES, checked_suffix
+    from geodesic_motion_ros.demonstrations.writers import JOINT_SUFFIXES, check_suffix
 
     if arguments.families is not None and arguments.task not in WITH_FAMILIES:
         raise ParameterError(f"{arguments.task} has no families: --families is for {' and '.join(WITH_FAMILIES)}")
-    checked_suffix(arguments.out, JOINT_SUFFIXES if arguments.task in OF_JOINTS else (".npz",))
+    check_suffix(arguments.out, JOINT_SUFFIXES if arguments.task in OF_JOINTS else (".npz",))
     if arguments.picture is not None and arguments.picture.suffix.lower() != ".png":
         raise ParameterError(f"{arguments.picture}: a picture is written to a .png file")
 

@@ -77,13 +77,13 @@ def run(arguments: argparse.Namespace) -> None:
     """Describe, print, draw."""
     from geodesic_motion_ros.demonstrations.bags import is_bag
     from geodesic_motion_ros.demonstrations.mapped_tables import TEXT_FILES
-    from geodesic_motion_ros.demonstrations.recorded_tables import files_in
+    from geodesic_motion_ros.demonstrations.recorded_tables import find_files
     from geodesic_motion_ros.skill.skill import Skill
 
     writable(arguments.json)
     writable(arguments.html)
     path = Path(arguments.skill)
-    tables = files_in(path) and not (path / DESCRIPTION).exists()
+    tables = find_files(path) and not (path / DESCRIPTION).exists()
     if is_bag(path) or tables or path.is_file() or path.suffix.lower() in (*TEXT_FILES, ".npy", ".npz"):
         if arguments.html is not None:
             raise ParameterError(f"--html is of skills, {path} is a recording: `train` writes one of what it learns")
@@ -110,7 +110,7 @@ def run_recording(arguments: argparse.Namespace, path: Path, of_bags: bool) -> N
     from geodesic_motion_ros.visualization.recording_view import draw_recording
 
     recording = read_recorded(arguments, (path,), of_bags)
-    described = recording.described()
+    described = recording.describe()
     unit = "rad" if recording.robot else "m"
     print(text_table(
         ("demonstration", "from [s]", "to [s]", "samples", "per s", f"length [{unit}]", "learned from"),
@@ -122,9 +122,9 @@ def run_recording(arguments: argparse.Namespace, path: Path, of_bags: bool) -> N
     if arguments.json is not None:
         write_json(arguments.json, described)
     picture = _picture(arguments, path)
-    draw_recording(recording.takes, recording.motions, recording.left_out, recording.flaws, picture)
+    draw_recording(recording.takes, recording.motions, recording.left_out_names, recording.flaws, picture)
     print(f"\nwrote its picture to {picture}")
-    demonstrations = recording.checked(arguments.strict)
+    demonstrations = recording.demonstrations(arguments.strict)
     if not recording.robot and demonstrations.has_orientation:
         refuse_unsaid_order(arguments, path, demonstrations)
 

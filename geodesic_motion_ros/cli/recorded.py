@@ -17,20 +17,20 @@ from geodesic_motion_ros.demonstrations.column_names import (
     METRES_PER_UNIT,
     POSITION,
     QUATERNION,
-    of_poses,
+    is_of_poses,
     parse_mapping,
 )
 from geodesic_motion_ros.demonstrations.demonstrations import Demonstrations
 from geodesic_motion_ros.demonstrations.joint_demonstrations import JointDemonstrations
-from geodesic_motion_ros.demonstrations.quaternion_order import looks_scalar_last
+from geodesic_motion_ros.demonstrations.quaternion_order import is_scalar_last
 from geodesic_motion_ros.demonstrations.readers import (
     check_kind,
-    holds_joints,
     is_mapped,
-    joint_takes,
-    pose_takes,
+    is_of_joints,
     read_demonstrations,
     read_joint_demonstrations,
+    read_joint_takes,
+    read_pose_takes,
 )
 from geodesic_motion_ros.demonstrations.recordings import Recording
 from geodesic_motion_ros.demonstrations.splitting import Split
@@ -76,9 +76,9 @@ def read_recorded(
     if robot:
         if arguments.units in METRES_PER_UNIT:
             raise ParameterError(f"--units {arguments.units}: {path} has joints, in rad or deg (or: --space task)")
-        takes = joint_takes(path, robot, arguments.rate, columns, arguments.units)
+        takes = read_joint_takes(path, robot, arguments.rate, columns, arguments.units)
     else:
-        takes = pose_takes(path, _units(arguments, path), columns, arguments.rate)
+        takes = read_pose_takes(path, _units(arguments, path), columns, arguments.rate)
     if not takes[0].in_one_go:
         return Recording.of_files(takes, robot)
     # nothing in the file says where a demonstration begins
@@ -92,8 +92,8 @@ def recorded_space(arguments: argparse.Namespace, path: Path) -> Literal["task",
     """What a file is a recording of: what --space says, else what the file says of itself."""
     columns = arguments.columns or DEFAULT_COLUMNS
     if is_mapped(path, columns):
-        return arguments.space or ("task" if of_poses(parse_mapping(columns)) else "joint")
-    return arguments.space or ("joint" if holds_joints(path) else "task")
+        return arguments.space or ("task" if is_of_poses(parse_mapping(columns)) else "joint")
+    return arguments.space or ("joint" if is_of_joints(path) else "task")
 
 
 def refuse_other_space(
@@ -124,7 +124,7 @@ def refuse_unsaid_order(arguments: argparse.Namespace, path: Path, demonstration
     from geodesic_motion_ros.robot.mounting import is_upright
 
     unsaid = path.suffix.lower() in (".npy", ".npz") and arguments.columns is None
-    if unsaid and looks_scalar_last(demonstrations) and is_upright(Robot.named(arguments.robot or DEFAULT_ROBOT)):
+    if unsaid and is_scalar_last(demonstrations) and is_upright(Robot.named(arguments.robot or DEFAULT_ROBOT)):
         raise ParameterError(
             f"with the quaternions of {path.name} read as qw,qx,qy,qz the tool does not point down, as qx,qy,qz,qw it "
             f"does: in which order are they? In that of ROS: say --columns {_ROS_COLUMNS}; otherwise say --columns "
@@ -148,4 +148,4 @@ Demonstrated = TypeVar("Demonstrated", Demonstrations, JointDemonstrations)
 
 def evenly_sampled(demonstrations: Demonstrated) -> Demonstrated:
     """Demonstrations with equally many samples each, as arrays in a file need: as many as the longest has."""
-    return demonstrations.resampled(max(len(item) for item in demonstrations), by="time")
+    return demonstrations.resample(max(len(item) for item in demonstrations), by="time")

@@ -27,8 +27,8 @@ from geodesic_motion_ros.cli.progress_bar import progress_bar
 from geodesic_motion_ros.cli.report import planner_of, write_report
 from geodesic_motion_ros.demonstrations.column_names import (
     DEFAULT_COLUMNS,
+    find_quaternion_order,
     parse_columns,
-    quaternion_order,
 )
 from geodesic_motion_ros.demonstrations.takes import Action
 from geodesic_motion_ros.skill.description import check_text
@@ -194,7 +194,7 @@ def run(arguments: argparse.Namespace, measures: Mapping[str, Measure] | None = 
     _note_the_flaws(recording)
     training = (
         train_joint.JointTraining if space == "joint" else train_task.TaskTraining
-    ).from_arguments(arguments, recording.checked(arguments.strict), _SHARED)  # fmt: skip
+    ).from_arguments(arguments, recording.demonstrations(arguments.strict), _SHARED)  # fmt: skip
     measure = _measure(measures, space) if arguments.held_out else None
     name = arguments.out.resolve().name if arguments.name is None else arguments.name
     check_text("--name", name)
@@ -295,7 +295,7 @@ def _note_the_flaws(recording: Recording) -> None:
     between = [flaw for flaw in recording.flaws if flaw.action is Action.PASSED_OVER]
     if between:
         print(f"{len(between)} motions lead back to the start and are passed over; `inspect` lists them")
-    names = [motion.name for motion in recording.motions if motion.name not in recording.left_out]
+    names = [motion.name for motion in recording.motions if motion.name not in recording.left_out_names]
     if len(names) < len(recording.motions):
         print(f"learning from {', '.join(names)}; --held-out counts these, from 0")
 
@@ -313,13 +313,13 @@ def _note_the_recording(demonstrations: Demonstrations, extent: float, space: st
 
 def _report_orientations(arguments: argparse.Namespace, demonstrations: Demonstrations) -> None:
     """Print the order in which quaternions were read, and how the tool points then."""
-    from geodesic_motion_ros.demonstrations.quaternion_order import tilts
+    from geodesic_motion_ros.demonstrations.quaternion_order import mean_tilts
 
     if arguments.demos.suffix.lower() not in (".npy", ".npz"):
         order = "the names of the columns say"
     else:
-        order = ",".join(quaternion_order(parse_columns(arguments.columns or DEFAULT_COLUMNS)))
-    first, last = tilts(demonstrations)
+        order = ",".join(find_quaternion_order(parse_columns(arguments.columns or DEFAULT_COLUMNS)))
+    first, last = mean_tilts(demonstrations)
     print(
         f"quaternions read as {order}: the tool's z axis begins {first:.0f} and ends {last:.0f} deg from straight down"
     )

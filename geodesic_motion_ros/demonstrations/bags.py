@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from geodesic_motion_ros.demonstrations.clocks import Clock
-from geodesic_motion_ros.demonstrations.message_samples import JointSamples, ReceivedTake, Samples, stacked, stamp_of
+from geodesic_motion_ros.demonstrations.message_samples import JointSamples, ReceivedTake, Samples, stack_rows, stamp_of
 from geodesic_motion_ros.demonstrations.takes import POSE, Flaw, Take
 from geodesic_motion_ros.geometry.curves import interpolate
 from geodesic_motion_ros.geometry.quaternions import continuous_signs, multiply, normalise, to_rotation
@@ -59,7 +59,7 @@ class Topic:
 
 @dataclass(frozen=True)
 class Source:
-    """What --topic says: a topic, and for transforms the frames of the base and of the tool."""
+    """A source that --topic names: a topic, and for transforms the frames of the base and of the tool."""
 
     topic: str
     base: str = ""
@@ -67,7 +67,7 @@ class Source:
 
     @classmethod
     def parse(cls, text: str) -> Source:
-        """Out of `/joint_states`, or `/tf:BASE:TOOL`; DemonstrationError for other forms."""
+        """Read `/joint_states`, or `/tf:BASE:TOOL`; DemonstrationError for other forms."""
         parts = text.split(":")
         if len(parts) not in (1, 3) or not all(parts):
             raise DemonstrationError(
@@ -101,7 +101,7 @@ class _Message:
 
 
 def is_bag(path: Path) -> bool:
-    """Whether a path looks like a bag: a file by its ending, or a folder of ROS 2."""
+    """Tell whether a path looks like a bag: a file by its ending, or a folder of ROS 2."""
     if path.is_dir():
         return (path / "metadata.yaml").is_file() or bool(_storage_files(path))
     return path.suffix.lower() in SUFFIXES or _is_compressed(path)
@@ -111,21 +111,21 @@ def _is_compressed(path: Path) -> bool:
     return path.suffix.lower() in COMPRESSED and Path(path.stem).suffix.lower() in SUFFIXES
 
 
-def topics(path: Path) -> tuple[Topic, ...]:
-    """The topics of a bag, by name. DemonstrationError: it cannot be read."""
+def read_topics(path: Path) -> tuple[Topic, ...]:
+    """List the topics of a bag, by name. DemonstrationError: it cannot be read."""
     with _opened(path) as bag:
         return bag.topics
 
 
-def chosen_source(path: Path, requested: str | None) -> tuple[Source, Topic]:
-    """The topic that is requested, or the only one of joint states or poses in the bag.
+def choose_source(path: Path, requested: str | None) -> tuple[Source, Topic]:
+    """Choose the topic that is requested, or the only one of joint states or poses in the bag.
 
     Raises
     ------
     DemonstrationError : lists the topics of the bag where the requested one is absent or of another type, or where
         several could be meant.
     """
-    there = topics(path)
+    there = read_topics(path)
     listed = ", ".join(map(str, there)) or "no topics"
     if requested is None:
         usable = [topic for topic in there if topic.kind in (JOINTS, POSES) and topic.count]
@@ -158,7 +158,7 @@ def read_take(path: Path, source: Source, joint_names: Sequence[str] = (), marke
 
     Parameters
     ----------
-    source : as `chosen_source` found it.
+    source : as `choose_source` found it.
     joint_names : those that are wanted of joint states, in their order; messages without one of them are passed over.
     marker : a topic of std_msgs/Empty, Bool or String that marks demonstrations; "": none.
 
@@ -196,7 +196,7 @@ def _joints(messages: list[_Message], names: tuple[str, ...], path: Path) -> Joi
     for message in messages:
         samples.add(message.received, message.content)
     if not len(samples):
-        question = "; are they those of another robot? Name it with --robot" if samples.unnamed else ""
+        question = "; are they those of another robot? Name it with --robot" if samples.missing_joints else ""
         raise DemonstrationError(f"{path}: {samples.lacking()}{question}")
     return samples
 
@@ -206,7 +206,7 @@ def _poses(messages: list[_Message]) -> Samples:
     for message in messages:
         pose = message.content.pose
         rows.append((message.received, stamp_of(message.content.header), _pose(pose.position, pose.orientation)))
-    return stacked(rows)
+    return stack_rows(rows)
 
 
 def _only_frame(messages: list[_Message], path: Path) -> str:
@@ -242,7 +242,7 @@ def _transforms(messages: list[_Message], static: _Edges, source: Source, path: 
                 "programs publish it, or it changed its parent while this was recorded"
             )
         ((frame, rows),) = edges[frame].items()
-        chain.append(stacked(rows))
+        chain.append(stack_rows(rows))
     if not chain:
         raise DemonstrationError(f"{path}: {source.topic}: the frames of base and tool are both {brief(source.base)}")
     moving = [edge for edge in chain if len(edge[0]) > 1]

@@ -1,4 +1,4 @@
-"""Where neighbouring samples of a recording are not of one motion: gaps, jumps, and what changes at them."""
+"""Breaks between samples of a recording that are not of one motion: gaps, jumps, and what changes there."""
 
 from __future__ import annotations
 
@@ -19,19 +19,19 @@ FEWEST_ALIKE = 10
 
 
 def is_gap(steps: np.ndarray) -> np.ndarray:
-    """Whether each step of time (T - 1,) [s] is a gap."""
+    """Tell whether each step of time (T - 1,) [s] is a gap."""
     return steps > max(GAP, GAP_STEPS * float(np.median(steps)))
 
 
 def is_far_beyond(speeds: np.ndarray) -> np.ndarray:
-    """Whether each of the speeds (T - 1,) from sample to sample is far beyond those beside it."""
+    """Tell whether each of the speeds (T - 1,) from sample to sample is far beyond those beside it."""
     windows = np.lib.stride_tricks.sliding_window_view(np.pad(speeds, BESIDE), 2 * BESIDE + 1)
     beside = np.delete(windows, BESIDE, axis=1).max(axis=1)
     return speeds > FAR_BEYOND * beside
 
 
 def is_break(values: np.ndarray, times: np.ndarray | None) -> np.ndarray:
-    """Whether a gap or a jump is between each sample and the next (T - 1,).
+    """Tell whether a gap or a jump is between each sample and the next (T - 1,).
 
     values : (T, C) positions or joints, in any unit. times : (T,) [s]; None: samples are equally far apart in time.
     """
@@ -45,8 +45,8 @@ def is_break(values: np.ndarray, times: np.ndarray | None) -> np.ndarray:
     return (is_far_beyond(speeds) & large) | (False if times is None else is_gap(steps))
 
 
-def changing_at(breaks: np.ndarray, columns: Mapping[str, Sequence[Any]]) -> tuple[str, int] | None:
-    """The first column that keeps its value for long and changes at breaks alone, and its first sample after a change.
+def find_changing_column(breaks: np.ndarray, columns: Mapping[str, Sequence[Any]]) -> tuple[str, int] | None:
+    """Find the first column that keeps its value for long and changes at breaks alone, and its first changed sample.
 
     breaks : (T - 1,) as of `is_break`. columns : cells (T,) by their names.
     """

@@ -66,26 +66,26 @@ class CanonicalForm(ABC):
         few = self.curves(FADE_SAMPLES)
         self._count_offsets(few)
         if fade is None:
-            modes = cluster_modes(self.without_offsets(few, 1.0)[0])
+            modes = cluster_modes(self.remove_offsets(few, 1.0)[0])
             fade = likeliest_fade(
-                lambda tried: scatter_within(self._compared(self.without_offsets(few, tried)), modes), len(names)
+                lambda tried: scatter_within(self._compared(self.remove_offsets(few, tried)), modes), len(names)
             )
         self.fade = fade
-        self.modes = cluster_modes(self.without_offsets(few, fade)[0])
+        self.modes = cluster_modes(self.remove_offsets(few, fade)[0])
 
     @abstractmethod
     def sheet(self, samples: int) -> CanonicalSheet | JointSheet:
-        """The canonical demonstrations at so many samples, with their modes and offsets, without a regression."""
+        """Make the canonical demonstrations at so many samples, with modes and offsets, without a regression."""
 
     @abstractmethod
     def curves(self, samples: int) -> tuple[np.ndarray, ...]:
-        """The demonstrations, equally spaced along their arcs: arrays (N, samples, ...) of positions [m] and
+        """Sample the demonstrations, equally spaced along their arcs: arrays (N, samples, ...) of positions [m] and
         quaternions, or of configurations [rad] alone.
         """
 
     @abstractmethod
-    def without_offsets(self, curves: tuple[np.ndarray, ...], fade: float) -> tuple[np.ndarray, ...]:
-        """y of curves that are equally spaced along their arcs."""
+    def remove_offsets(self, curves: tuple[np.ndarray, ...], fade: float) -> tuple[np.ndarray, ...]:
+        """Solve for the canonical curves y of curves that are equally spaced along their arcs."""
 
     @abstractmethod
     def _count_offsets(self, curves: tuple[np.ndarray, ...]) -> None:
@@ -118,18 +118,18 @@ class PoseForm(CanonicalForm):
         DemonstrationError : a demonstration starts or ends where the others do not, so that they have no form in
             common.
         """
-        self._demonstrations, self._rotation_length = demonstrations.in_one_hemisphere(), rotation_length
+        self._demonstrations, self._rotation_length = demonstrations.align_hemispheres(), rotation_length
         super().__init__([item.name for item in demonstrations], fade)
 
     def sheet(self, samples: int) -> CanonicalSheet:
-        positions, quaternions = self.without_offsets(self.curves(samples), self.fade)
+        positions, quaternions = self.remove_offsets(self.curves(samples), self.fade)
         ends = self.start_offsets, self.goal_offsets
         return CanonicalSheet(*ends, self.modes, math.inf, positions, quaternions, fade=self.fade)
 
     def curves(self, samples: int) -> tuple[np.ndarray, ...]:
-        return pose_curves(self._demonstrations, samples, self._rotation_length)
+        return sample_poses(self._demonstrations, samples, self._rotation_length)
 
-    def without_offsets(self, curves: tuple[np.ndarray, ...], fade: float) -> tuple[np.ndarray, ...]:
+    def remove_offsets(self, curves: tuple[np.ndarray, ...], fade: float) -> tuple[np.ndarray, ...]:
         positions, quaternions = curves
         tau = faded(np.linspace(0.0, 1.0, positions.shape[1]), fade)[:, None]
         blend = (1.0 - tau) * self.start_offsets[:, None] + tau * self.goal_offsets[:, None]
@@ -169,19 +169,19 @@ class ConfigurationForm(CanonicalForm):
         super().__init__([item.name for item in demonstrations], fade)
 
     def sheet(self, samples: int) -> JointSheet:
-        (configurations,) = self.without_offsets(self.curves(samples), self.fade)
+        (configurations,) = self.remove_offsets(self.curves(samples), self.fade)
         return JointSheet(
             self.start_offsets, self.goal_offsets, self.modes, math.inf, configurations,
             self.start_groups, self.goal_groups, self.start_poles, self.goal_poles, fade=self.fade,
         )  # fmt: skip
 
     def curves(self, samples: int) -> tuple[np.ndarray, ...]:
-        return configuration_curves(self._demonstrations, self._robot, self._metric, samples)
+        return sample_configurations(self._demonstrations, self._robot, self._metric, samples)
 
-    def without_offsets(self, curves: tuple[np.ndarray, ...], fade: float) -> tuple[np.ndarray, ...]:
+    def remove_offsets(self, curves: tuple[np.ndarray, ...], fade: float) -> tuple[np.ndarray, ...]:
         poles = np.stack([self.start_poles[self.start_groups], self.goal_poles[self.goal_groups]], axis=1)
         pairs = zip(curves[0], poles, strict=True)
-        return (np.stack([without_offsets(curve, ends, self._robot, fade) for curve, ends in pairs]),)
+        return (np.stack([remove_offsets(curve, ends, self._robot, fade) for curve, ends in pairs]),)
 
     def _count_offsets(self, curves: tuple[np.ndarray, ...]) -> None:
         self.start_groups, self.start_poles, self.start_offsets = _group_ends(curves[0][:, 0])
@@ -197,16 +197,18 @@ class ConfigurationForm(CanonicalForm):
                 )
 
 
-def along_arc(demonstration: Demonstration, samples: int, rotation_length: float) -> tuple[np.ndarray, np.ndarray]:
+def sample_pose_arc(
+    demonstration: Demonstration, samples: int, rotation_length: float
+) -> tuple[np.ndarray, np.ndarray]:
     """Sample positions (samples, 3) and quaternions (samples, 4), equally spaced along the arc of a demonstration."""
     arc = pose_arc_length(demonstration.positions, demonstration.quaternions, rotation_length)
     at = np.linspace(0.0, arc[-1], samples)
     return interpolate(arc, demonstration.positions, demonstration.quaternions, at)
 
 
-def pose_curves(demonstrations: Demonstrations, samples: int, rotation_length: float) -> tuple[np.ndarray, np.ndarray]:
-    """Sample positions (N, samples, 3) and quaternions (N, samples, 4) of all demonstrations by `along_arc`."""
-    curves = [along_arc(item, samples, rotation_length) for item in demonstrations]
+def sample_poses(demonstrations: Demonstrations, samples: int, rotation_length: float) -> tuple[np.ndarray, np.ndarray]:
+    """Sample positions (N, samples, 3) and quaternions (N, samples, 4) of all demonstrations by `sample_pose_arc`."""
+    curves = [sample_pose_arc(item, samples, rotation_length) for item in demonstrations]
     return np.stack([positions for positions, _ in curves]), np.stack([quaternions for _, quaternions in curves])
 
 
@@ -222,21 +224,21 @@ def body_arc(configurations: np.ndarray, robot: Robot, metric: JointMetricSettin
     return np.append(0.0, np.cumsum(np.sqrt(moved + metric.joint_weight**2 * turned)))
 
 
-def along_body_arc(configurations: np.ndarray, robot: Robot, metric: JointMetricSettings, samples: int) -> np.ndarray:
+def sample_body_arc(configurations: np.ndarray, robot: Robot, metric: JointMetricSettings, samples: int) -> np.ndarray:
     """Sample configurations (samples, eta) [rad], equally spaced along the arc of a motion (T, eta) [rad]."""
     arc = body_arc(configurations, robot, metric)
     at = np.linspace(0.0, arc[-1], samples)
     return np.stack([np.interp(at, arc, column) for column in configurations.T], axis=1)
 
 
-def configuration_curves(
+def sample_configurations(
     demonstrations: JointDemonstrations, robot: Robot, metric: JointMetricSettings, samples: int
 ) -> tuple[np.ndarray]:
-    """Sample configurations (N, samples, eta) [rad] of all demonstrations by `along_body_arc`, as the only array."""
-    return (np.stack([along_body_arc(item.configurations, robot, metric, samples) for item in demonstrations]),)
+    """Sample configurations (N, samples, eta) [rad] of all demonstrations by `sample_body_arc`, as the only array."""
+    return (np.stack([sample_body_arc(item.configurations, robot, metric, samples) for item in demonstrations]),)
 
 
-def without_offsets(curve: np.ndarray, poles: np.ndarray, robot: Robot, fade: float = 1.0) -> np.ndarray:
+def remove_offsets(curve: np.ndarray, poles: np.ndarray, robot: Robot, fade: float = 1.0) -> np.ndarray:
     """Solve y + D(y, s) = curve (T, eta), which is equally spaced in s, for y (T, eta); poles (2, eta) [rad]."""
     offsets = JointOffsets.between(robot, poles, curve[[0, -1]], fade=fade)
     s = np.linspace(0.0, 1.0, len(curve))

@@ -15,10 +15,10 @@ LATEST_TIME = 1e10
 """Seconds since 1970 are below 2e9; larger times are milliseconds or nanoseconds."""
 
 
-def columns(
+def check_columns(
     array: np.ndarray, names: Sequence[str], demonstration: str, times: np.ndarray | None = None
 ) -> np.ndarray:
-    """A float64 copy of shape (T, len(names)), every value finite; DemonstrationError otherwise.
+    """Copy an array as float64 of shape (T, len(names)), every value finite; DemonstrationError otherwise.
 
     times : (T,) [s], named where they are known.
     """
@@ -39,9 +39,9 @@ def columns(
     return copy
 
 
-def times_in_seconds(times: np.ndarray, demonstration: str) -> np.ndarray:
-    """A float64 copy of times (T,) [s], finite and within LATEST_TIME; DemonstrationError otherwise."""
-    copy = columns(np.reshape(times, (-1, 1)), ("t",), demonstration)[:, 0]
+def check_times(times: np.ndarray, demonstration: str) -> np.ndarray:
+    """Copy times (T,) [s] as float64, finite and within LATEST_TIME; DemonstrationError otherwise."""
+    copy = check_columns(np.reshape(times, (-1, 1)), ("t",), demonstration)[:, 0]
     late = np.flatnonzero(np.abs(copy) > LATEST_TIME)
     if len(late):
         raise DemonstrationError(
@@ -51,9 +51,9 @@ def times_in_seconds(times: np.ndarray, demonstration: str) -> np.ndarray:
     return copy
 
 
-def increasing_times(times: np.ndarray, demonstration: str) -> np.ndarray:
-    """A float64 copy of times (T,) [s], within LATEST_TIME and strictly increasing; DemonstrationError otherwise."""
-    copy = times_in_seconds(times, demonstration)
+def check_rising_times(times: np.ndarray, demonstration: str) -> np.ndarray:
+    """Copy times (T,) [s] as float64, within LATEST_TIME and strictly increasing; DemonstrationError otherwise."""
+    copy = check_times(times, demonstration)
     falls = np.flatnonzero(np.diff(copy) <= 0.0)
     if len(falls):
         sample = falls[0] + 1

@@ -18,7 +18,7 @@ STAYING = 5
 
 @dataclass(frozen=True)
 class Clock:
-    """From when messages were received and stamped [ns] to seconds from the first of them on.
+    """A clock that makes seconds, from the first message on, of when messages were received and stamped [ns].
 
     Attributes
     ----------
@@ -35,7 +35,7 @@ class Clock:
 
     @classmethod
     def of(cls, received: np.ndarray, stamps: np.ndarray, samples: int | None = None, unset: str = "") -> Clock:
-        """The clock of messages in the order in which they were received, at least one.
+        """Choose the clock of messages in the order in which they were received, at least one.
 
         received, stamps : (N,) [ns].
         samples : how many samples they are, where several messages make one; None: each is one.
@@ -58,7 +58,7 @@ class Clock:
         )  # fmt: skip
 
     def nanoseconds(self, received: np.ndarray, stamps: np.ndarray) -> np.ndarray:
-        """Of messages (N,), from the first on [ns]."""
+        """Compute times (N,) [ns] of messages (N,), from the first on."""
         if self.unset:
             return received - self.begin[0]
         return stamps - self.begin[1] + self.offsets[np.searchsorted(self.restarts[:, 0], received, "right")]
@@ -69,7 +69,7 @@ class Clock:
         return tuple((self.nanoseconds(*self.restarts.T) / 1e9).tolist())
 
     def flaws(self, name: str) -> tuple[Flaw, ...]:
-        """What is wrong with the clock of the take `name`."""
+        """List the flaws of the clock of the take `name`."""
         if self.unset:
             what, how = f"has headers {self.unset}", "the times of the recorder are used"
             return (Flaw(name, 0.0, what, Action.REPAIRED, how),)
@@ -98,8 +98,8 @@ _DAYS, _SHORTEST_STEP, _LONGEST_DAY_STEP = 3e4, 1e-3, 2.0
 _LATE = 1e6
 
 
-def unit_of_times(times: np.ndarray) -> str:
-    """The unit that times (T,) of a recording must have been written in, by their usual step: of PER_UNIT."""
+def find_unit(times: np.ndarray) -> str:
+    """Find the unit, of PER_UNIT, that times (T,) of a recording must have been written in, by their usual step."""
     steps = np.diff(times)
     usual = float(np.median(steps[steps > 0.0])) if np.any(steps > 0.0) else 0.0
     if np.median(times) > _DAYS and _SHORTEST_STEP < usual * PER_UNIT["d"] < _LONGEST_DAY_STEP:
@@ -107,12 +107,12 @@ def unit_of_times(times: np.ndarray) -> str:
     return next((unit for step, unit in _STEPS if usual >= step), "s")
 
 
-def in_seconds(times: np.ndarray, written: str, name: str) -> tuple[np.ndarray, tuple[Flaw, ...]]:
-    """Times (T,) of the file `name` in seconds, late ones from the first on, and how they were read.
+def convert_to_seconds(times: np.ndarray, written: str, name: str) -> tuple[np.ndarray, tuple[Flaw, ...]]:
+    """Convert times (T,) of the file `name` to seconds, late ones from the first on, with how they were read.
 
     written : the unit as the file says; "": it says none, and the steps show it.
     """
-    unit = written or unit_of_times(times)
+    unit = written or find_unit(times)
     late = len(times) > 0 and abs(times[0]) * PER_UNIT[unit] > _LATE
     # counted as they are written: milliseconds since 1970 times 0.001 are rounded
     seconds = PER_UNIT[unit] * (times - times[0] if late else times)
@@ -122,8 +122,8 @@ def in_seconds(times: np.ndarray, written: str, name: str) -> tuple[np.ndarray, 
     return seconds, (Flaw(name, 0.0, f"has times in {unit}", Action.READ, f"as seconds, {how}"),)
 
 
-def runs_of(times: np.ndarray) -> list[slice]:
-    """The parts of times (T,) that begin again: from a fall, below which those that follow stay."""
+def split_runs(times: np.ndarray) -> list[slice]:
+    """Split times (T,) where they begin again: at a fall, below which those that follow stay."""
     falls = np.flatnonzero(np.diff(times) < 0.0) + 1
     begins = [fall for fall in falls if np.median(times[fall : fall + STAYING]) < times[fall - 1]]
     return [slice(begin, end) for begin, end in zip([0, *begins], [*begins, len(times)], strict=True)]

@@ -49,7 +49,7 @@ _SPELLED = {spelling: unit for unit, spellings in _UNITS.items() for spelling in
 
 
 def parse_columns(columns: str) -> tuple[str, ...]:
-    """Column names out of "px,py,...". DemonstrationError names unknown, repeated and missing ones."""
+    """Read column names from "px,py,...". DemonstrationError names unknown, repeated and missing ones."""
     names = tuple(SHORT.get(name.strip(), name.strip()) for name in columns.split(","))
     known = (TIME, *POSITION, *QUATERNION)
     unknown = [name for name in names if name not in known]
@@ -64,13 +64,13 @@ def parse_columns(columns: str) -> tuple[str, ...]:
     return names
 
 
-def quaternion_order(names: tuple[str, ...]) -> tuple[str, ...]:
-    """The order of qw, qx, qy, qz in names of columns; scalar first where they are not among them."""
+def find_quaternion_order(names: tuple[str, ...]) -> tuple[str, ...]:
+    """Find the order of qw, qx, qy, qz in names of columns; scalar first where they are not among them."""
     return tuple(name for name in names if name in QUATERNION) or QUATERNION
 
 
 def check_complete(names: Sequence[str], where: str) -> None:
-    """Allowed: px,py - px,py,pz - px,py,pz and one whole orientation; each with or without t."""
+    """Refuse other columns than px,py - px,py,pz - px,py,pz and one whole orientation; each with or without t."""
     begun = [orientation for orientation in ORIENTATIONS if set(names) & set(orientation)]
     if len(begun) > 1:
         raise DemonstrationError(f"{where} has {' and '.join(map(','.join, begun))}: name one orientation")
@@ -87,7 +87,7 @@ def check_complete(names: Sequence[str], where: str) -> None:
 
 
 def parse_mapping(columns: str) -> dict[str, str]:
-    """Names of columns in the file by our names, out of "t=stamp,px=x,py"; a name alone is called the same in the file.
+    """Read names of columns in the file, by our names, from "t=stamp,px=x,py"; a name alone is the same in the file.
 
     DemonstrationError: a name is missing or stands twice.
     """
@@ -104,20 +104,20 @@ def parse_mapping(columns: str) -> dict[str, str]:
     return mapping
 
 
-def of_poses(mapping: Mapping[str, str]) -> bool:
-    """Whether the columns are poses, and not joints, which may be called like angles."""
+def is_of_poses(mapping: Mapping[str, str]) -> bool:
+    """Tell whether the columns are poses, and not joints, which may be called like angles."""
     return not (set(OF_POSES) - set(ROLL_PITCH_YAW)).isdisjoint(mapping)
 
 
-def with_every_joint(mapping: Mapping[str, str], joint_names: Sequence[str]) -> dict[str, str]:
-    """The mapping with a joint's name in place of EVERY_JOINT, for each joint."""
+def expand_every_joint(mapping: Mapping[str, str], joint_names: Sequence[str]) -> dict[str, str]:
+    """Expand EVERY_JOINT in a mapping to the names of all joints."""
     pattern = mapping.get(EVERY_JOINT)
     every = {} if pattern is None else {name: pattern.replace(EVERY_JOINT, name) for name in joint_names}
     return every | {ours: theirs for ours, theirs in mapping.items() if ours != EVERY_JOINT}
 
 
-def unit_in(name: str) -> tuple[str, str]:
-    """A name without the unit behind it, and the unit, "" where none is known: "q1 [deg]", "time_ms", "x (mm)"."""
+def split_unit(name: str) -> tuple[str, str]:
+    """Split a name from the unit behind it, "" where none is known: "q1 [deg]", "time_ms", "x (mm)"."""
     found = re.fullmatch(r"(.*?)\s*(?:[\[(]\s*(\S+?)\s*[\])]|_([a-zµμ]+))", name.strip())
     if found is None:
         return name.strip(), ""
@@ -125,28 +125,28 @@ def unit_in(name: str) -> tuple[str, str]:
     return (found[1], unit) if unit else (name.strip(), "")
 
 
-def unit_called(cell: str) -> str:
-    """The unit that a cell of a row of units has; "" where it is none."""
+def read_unit(cell: str) -> str:
+    """Read the unit of a cell in a row of units; "" where it is none."""
     return _SPELLED.get(cell.strip().strip("[]()").lower(), "")
 
 
-def place_of(names: Sequence[str], wanted: str) -> int | None:
-    """Where a column is: by its name, or by its name without the unit behind it; None where none or several are."""
-    for spelled in (list(names), [unit_in(name)[0] for name in names]):
+def find_place(names: Sequence[str], wanted: str) -> int | None:
+    """Find the place of a column: by its name, or without the unit behind it; None where none or several are."""
+    for spelled in (list(names), [split_unit(name)[0] for name in names]):
         if wanted in spelled:
             return spelled.index(wanted) if spelled.count(wanted) == 1 else None
     return None
 
 
-def elements_of(names: Sequence[str], wanted: str) -> list[int]:
-    """Where the numbered columns of one name are: NAME[0], NAME_1 or NAME0, from the lowest number on."""
+def find_elements(names: Sequence[str], wanted: str) -> list[int]:
+    """Find the places of the numbered columns of one name: NAME[0], NAME_1 or NAME0, from the lowest number on."""
     pattern = re.compile(rf"{re.escape(wanted)}(?:\[(\d+)\]|[_.]?(\d+))")
     found = {int(match[1] or match[2]): place for place, name in enumerate(names) if (match := pattern.fullmatch(name))}
     return [found[number] for number in sorted(found)]
 
 
-def column_of_demonstrations(names: Sequence[str]) -> str | None:
-    """The only column that is called as recorders call the number of a demonstration; None where none or several."""
+def find_demonstration_column(names: Sequence[str]) -> str | None:
+    """Find the only column that is called as recorders call the number of a demonstration; None: none or several."""
     called = [name for name in names if name == DEMONSTRATION]
     called = called or [name for name in names if _CALLED_DEMONSTRATION.fullmatch(name)]
     return called[0] if len(called) == 1 else None

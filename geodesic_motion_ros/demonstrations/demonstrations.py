@@ -10,10 +10,10 @@ import numpy as np
 
 from geodesic_motion_ros.demonstrations.checks import (
     Abscissa,
+    check_columns,
     check_resampling,
+    check_rising_times,
     check_samples,
-    columns,
-    increasing_times,
 )
 from geodesic_motion_ros.geometry.curves import PoseCurve, arc_length, interpolate
 from geodesic_motion_ros.geometry.quaternions import continuous_signs, normalise
@@ -50,9 +50,9 @@ class Demonstration:
     name: str
 
     def __post_init__(self) -> None:
-        positions = columns(self.positions, ("px", "py", "pz"), self.name)
-        quaternions = columns(self.quaternions, ("qw", "qx", "qy", "qz"), self.name)
-        times = increasing_times(self.times, self.name)
+        positions = check_columns(self.positions, ("px", "py", "pz"), self.name)
+        quaternions = check_columns(self.quaternions, ("qw", "qx", "qy", "qz"), self.name)
+        times = check_rising_times(self.times, self.name)
         if not len(positions) == len(quaternions) == len(times):
             raise DemonstrationError(
                 f"demonstration '{self.name}' has {len(positions)} positions, {len(quaternions)} quaternions "
@@ -81,8 +81,8 @@ class Demonstration:
         """Length [m] of the path of the positions."""
         return float(arc_length(self.positions)[-1])
 
-    def resampled(self, samples: int = 200, by: Abscissa = "arc_length") -> Demonstration:
-        """The same motion at `samples` instants, equally spaced in arc length of the positions or in time.
+    def resample(self, samples: int = 200, by: Abscissa = "arc_length") -> Demonstration:
+        """Resample the motion at `samples` instants, equally spaced in arc length of the positions or in time.
 
         Positions and times are interpolated linearly, quaternions on great circles. Times stay those of the
         recording. Raises DemonstrationError for fewer than 2 samples, another `by`, or an arc length of zero.
@@ -129,9 +129,9 @@ class DemonstrationSet(Generic[Item]):
     def __getitem__(self, index: int) -> Item:
         return self.items[index]
 
-    def resampled(self: Items, samples: int = 200, by: Abscissa = "arc_length") -> Items:
-        """Resample all demonstrations to equally many samples; see `Demonstration.resampled`."""
-        return replace(self, items=tuple(item.resampled(samples, by) for item in self))
+    def resample(self: Items, samples: int = 200, by: Abscissa = "arc_length") -> Items:
+        """Resample all demonstrations to equally many samples; see `Demonstration.resample`."""
+        return replace(self, items=tuple(item.resample(samples, by) for item in self))
 
     def split(self: Items, held_out: Sequence[int]) -> tuple[Items, Items]:
         """Split by index into (to train on, held out); DemonstrationError: bad indices, an empty side."""
@@ -176,20 +176,20 @@ class Demonstrations(DemonstrationSet[Demonstration]):
     has_orientation: bool = True
 
     def positions_array(self) -> np.ndarray:
-        """Positions (N, T, 3) [m]; DemonstrationError where the numbers of samples differ."""
+        """Stack positions (N, T, 3) [m]; DemonstrationError where the numbers of samples differ."""
         return self.stacked("positions")
 
     def quaternions_array(self) -> np.ndarray:
-        """Quaternions (N, T, 4); DemonstrationError where the numbers of samples differ."""
+        """Stack quaternions (N, T, 4); DemonstrationError where the numbers of samples differ."""
         return self.stacked("quaternions")
 
-    def in_one_hemisphere(self) -> Demonstrations:
+    def align_hemispheres(self) -> Demonstrations:
         """Flip whole demonstrations (q -> -q, the same rotations) so that all lie on the sheet of the first.
 
         Two recordings of one motion may start with opposite signs. A demonstration is flipped when its
         quaternions have a negative dot product with those of the first, averaged along the arc length.
         """
-        sheets = [item.curve.resampled(100).quaternions for item in self]
+        sheets = [item.curve.resample(100).quaternions for item in self]
         flip = [float(np.mean(np.sum(sheet * sheets[0], axis=1))) < 0.0 for sheet in sheets]
         return replace(
             self,

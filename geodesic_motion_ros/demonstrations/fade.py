@@ -1,4 +1,4 @@
-"""How fast the offset of a start fades along the demonstrations: the exponent that leaves them most alike.
+"""The fade of a start's offset along demonstrations: the exponent that leaves them most alike.
 
 The start's offset is taken out with the share (1 - t)^fade at progress t, and the goal's with the rest
 (`manifold.transport`). People who set out from afar may join the common path long before the goal; with a share that
@@ -29,7 +29,7 @@ OBSERVATIONS = 2
 
 
 def likeliest_fade(scatter: Callable[[float], float], count: int) -> float:
-    """The one of FADES that so many demonstrations speak for, `scatter` their S at a fade."""
+    """Choose the one of FADES that so many demonstrations speak for, `scatter` their S at a fade."""
     linear = scatter(1.0)
     if linear == 0.0:
         return 1.0
@@ -44,6 +44,6 @@ def likeliest_fade(scatter: Callable[[float], float], count: int) -> float:
 
 
 def scatter_within(curves: np.ndarray, modes: np.ndarray) -> float:
-    """S, the sum of the squared deviations of curves (N, T, D) from the mean of their mode (N,)."""
+    """Sum S, the squared deviations of curves (N, T, D) from the mean of their mode (N,)."""
     members = [curves[modes == mode] for mode in np.unique(modes)]
     return float(sum(np.sum((own - own.mean(axis=0)) ** 2) for own in members))

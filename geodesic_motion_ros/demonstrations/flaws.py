@@ -1,4 +1,4 @@
-"""What is wrong with recordings: found, stated, and repaired or refused, by one rule each.
+"""Flaws of recordings: found, stated, and repaired or refused, by one rule each.
 
 | flaw | rule | action |
 |---|---|---|
@@ -26,8 +26,8 @@ from scipy.spatial.distance import cdist
 from geodesic_motion_ros.demonstrations.breaks import is_far_beyond, is_gap
 from geodesic_motion_ros.demonstrations.demonstrations import Demonstrations
 from geodesic_motion_ros.demonstrations.modes import cluster_modes
-from geodesic_motion_ros.demonstrations.splitting import still_samples
-from geodesic_motion_ros.demonstrations.takes import Action, Flaw, Take, per_column
+from geodesic_motion_ros.demonstrations.splitting import is_still
+from geodesic_motion_ros.demonstrations.takes import Action, Flaw, Take, sizes_by_column
 from geodesic_motion_ros.geometry.quaternions import angle_between, mean_rotation, rotation_vector_between
 
 #: Faster than any arm that a hand guides: joints [rad/s], positions [m/s], parts of a quaternion [1/s], which change by
@@ -58,7 +58,7 @@ TASKS_APART = 0.05
 
 
 def repair_samples(take: Take) -> tuple[Take, list[Flaw]]:
-    """The take with rising times and without spikes, and what was found."""
+    """Repair times that do not rise and spikes of a take; with what was found."""
     flaws = []
     for rule in (_rising_times, _without_spikes):
         take, found = rule(take)
@@ -67,7 +67,7 @@ def repair_samples(take: Take) -> tuple[Take, list[Flaw]]:
 
 
 def repair_demonstration(take: Take) -> tuple[Take, list[Flaw]]:
-    """One demonstration, its times rising, with its jumps bridged, and what was found."""
+    """Bridge the jumps of one demonstration, its times rising; with what was found."""
     flaws = _few_samples(take)
     if flaws and flaws[0].action is Action.LEFT_OUT:
         return take, flaws
@@ -100,7 +100,7 @@ def _fast_steps(take: Take) -> np.ndarray:
     A step of time counts as the usual one at least: messages that were held up arrive together.
     """
     steps = np.diff(take.times)
-    allowed = np.maximum(steps, np.median(steps))[:, None] * per_column(FASTEST, take.names)
+    allowed = np.maximum(steps, np.median(steps))[:, None] * sizes_by_column(FASTEST, take.names)
     return np.max(np.abs(np.diff(take.values, axis=0)) / allowed, axis=1)
 
 
@@ -136,15 +136,15 @@ def _without_spikes(take: Take) -> tuple[Take, list[Flaw]]:
 
 def _is_slow(take: Take, first: int, last: int) -> bool:
     """Whether an arm may move from one sample to another in the time between them."""
-    allowed = (take.times[last] - take.times[first]) * per_column(FASTEST, take.names)
+    allowed = (take.times[last] - take.times[first]) * sizes_by_column(FASTEST, take.names)
     return bool(np.all(np.abs(take.values[last] - take.values[first]) <= allowed))
 
 
 def _speed(take: Take, step: int) -> str:
     """The speed of a step in words, of the column that is fastest beside what it may do."""
     speeds = np.abs(take.values[step + 1] - take.values[step]) / (take.times[step + 1] - take.times[step])
-    column = int(np.argmax(speeds / per_column(FASTEST, take.names)))
-    unit = "rad/s" if take.of_joints else "m/s" if column < 3 else "1/s"
+    column = int(np.argmax(speeds / sizes_by_column(FASTEST, take.names)))
+    unit = "rad/s" if take.is_of_joints else "m/s" if column < 3 else "1/s"
     return f"{speeds[column]:.3g} {unit} in {take.names[column]}"
 
 
@@ -154,12 +154,12 @@ def _bridged_jumps(take: Take) -> tuple[Take, list[Flaw]]:
     if len(fast) > LARGEST_SHARE * len(speeds):
         return take, []  # stated with the spikes
     moves, flaws, steps = np.abs(np.diff(take.values, axis=0)), [], np.diff(take.times)
-    far = is_far_beyond(speeds) & np.any(moves > per_column(BRIDGED, take.names), axis=1) & ~is_gap(steps)
+    far = is_far_beyond(speeds) & np.any(moves > sizes_by_column(BRIDGED, take.names), axis=1) & ~is_gap(steps)
     for step in np.flatnonzero(far | (speeds > 1.0)):
         moved = moves[step]
         cause = "samples are lost" if speeds[step] > 1.0 else "samples are lost, or these are two demonstrations"
         time, what = float(take.times[step]), f"jumps, {_speed(take, step)}: {cause}"
-        if np.all(moved <= per_column(BRIDGED, take.names)):
+        if np.all(moved <= sizes_by_column(BRIDGED, take.names)):
             lost = speeds[step] * max(steps[step], float(np.median(steps))) - steps[step]
             steps[step] += lost
             how = f"a straight line, {1e3 * lost:.0f} ms longer"
@@ -173,7 +173,7 @@ def _gaps(take: Take) -> list[Flaw]:
     steps, flaws = np.diff(take.times), []
     for step in np.flatnonzero(is_gap(steps)):
         moved = np.abs(take.values[step + 1] - take.values[step])
-        bridged = bool(np.all(moved <= per_column(BRIDGED, take.names)))
+        bridged = bool(np.all(moved <= sizes_by_column(BRIDGED, take.names)))
         action, how = (
             (Action.REPAIRED, "a straight line") if bridged else (Action.LEFT_OUT, "too far for a straight line")
         )
@@ -206,7 +206,7 @@ def _few_samples(take: Take) -> list[Flaw]:
 
 
 def _rests(take: Take) -> list[Flaw]:
-    still = still_samples(take, LONGEST_REST)
+    still = is_still(take, LONGEST_REST)
     if np.all(still) or not np.any(still):
         return []
     moving = np.flatnonzero(~still)
@@ -221,15 +221,15 @@ def _rests(take: Take) -> list[Flaw]:
 
 def _no_motion(take: Take) -> list[Flaw]:
     moved = np.abs(take.values - take.values[0]).max(axis=0)
-    if np.any(moved >= per_column(MOTIONLESS, take.names)):
+    if np.any(moved >= sizes_by_column(MOTIONLESS, take.names)):
         return []
-    unit = ("rad", 1.0) if take.of_joints else ("mm", 1e3)
-    largest = f"{unit[1] * moved[: None if take.of_joints else 3].max():.2g} {unit[0]}"
+    unit = ("rad", 1.0) if take.is_of_joints else ("mm", 1e3)
+    largest = f"{unit[1] * moved[: None if take.is_of_joints else 3].max():.2g} {unit[0]}"
     return [Flaw(take.name, float(take.times[0]), f"does not move: {largest} at most", Action.REFUSED, "take it out")]
 
 
 def find_strangers(tool: Demonstrations, ends: Sequence[np.ndarray] = ()) -> list[Flaw]:
-    """Demonstrations that start or end where no other does: of another task, interrupted, or in another posture.
+    """Find demonstrations that start or end where no other does: of another task, interrupted, or in another posture.
 
     Parameters
     ----------

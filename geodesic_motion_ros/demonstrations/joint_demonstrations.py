@@ -12,10 +12,10 @@ import numpy as np
 
 from geodesic_motion_ros.demonstrations.checks import (
     Abscissa,
+    check_columns,
     check_resampling,
+    check_rising_times,
     check_samples,
-    columns,
-    increasing_times,
 )
 from geodesic_motion_ros.demonstrations.demonstrations import Demonstration, Demonstrations, DemonstrationSet
 from geodesic_motion_ros.geometry.curves import arc_length
@@ -54,8 +54,8 @@ class JointDemonstration:
     def __post_init__(self) -> None:
         joints = np.shape(self.configurations)[-1] if np.ndim(self.configurations) == 2 else 1
         names = [f"joint {number}" for number in range(1, joints + 1)]
-        configurations = columns(self.configurations, names, self.name)
-        times = increasing_times(self.times, self.name)
+        configurations = check_columns(self.configurations, names, self.name)
+        times = check_rising_times(self.times, self.name)
         if len(configurations) != len(times):
             raise DemonstrationError(
                 f"demonstration '{self.name}' has {len(configurations)} configurations and {len(times)} times; "
@@ -74,8 +74,8 @@ class JointDemonstration:
         """Length [rad] of the path in joint space, the sum of sqrt(sum_j dq_j^2) over its steps."""
         return float(arc_length(self.configurations)[-1])
 
-    def resampled(self, samples: int = 200, by: Abscissa = "arc_length") -> JointDemonstration:
-        """The same motion at `samples` instants, equally spaced in arc length in joint space or in time.
+    def resample(self, samples: int = 200, by: Abscissa = "arc_length") -> JointDemonstration:
+        """Resample the motion at `samples` instants, equally spaced in arc length in joint space or in time.
 
         Configurations and times are interpolated linearly. Times stay those of the recording. Raises
         DemonstrationError for fewer than 2 samples, another `by`, or an arc length of zero.
@@ -119,11 +119,11 @@ class JointDemonstrations(DemonstrationSet[JointDemonstration]):
                 )
 
     def configurations_array(self) -> np.ndarray:
-        """Configurations (N, T, eta) [rad]; DemonstrationError where the numbers of samples differ."""
+        """Stack configurations (N, T, eta) [rad]; DemonstrationError where the numbers of samples differ."""
         return self.stacked("configurations")
 
     def tool_demonstrations(self, robot: Robot) -> Demonstrations:
-        """The poses of the robot's tool in its base frame, by forward kinematics, with the same names and times.
+        """Compute the poses of the robot's tool in its base frame, with the same names and times.
 
         Raises
         ------

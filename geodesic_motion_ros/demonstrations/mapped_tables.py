@@ -11,8 +11,8 @@ from typing import Any
 
 import numpy as np
 
-from geodesic_motion_ros.demonstrations.breaks import changing_at, is_break
-from geodesic_motion_ros.demonstrations.clocks import PER_UNIT, in_seconds, runs_of
+from geodesic_motion_ros.demonstrations.breaks import find_changing_column, is_break
+from geodesic_motion_ros.demonstrations.clocks import PER_UNIT, convert_to_seconds, split_runs
 from geodesic_motion_ros.demonstrations.column_names import (
     DEMONSTRATION,
     MATRIX,
@@ -25,17 +25,17 @@ from geodesic_motion_ros.demonstrations.column_names import (
     TIME,
     check_complete,
     check_known,
-    column_of_demonstrations,
-    elements_of,
+    expand_every_joint,
+    find_demonstration_column,
+    find_elements,
+    find_place,
     parse_mapping,
-    place_of,
-    unit_in,
-    with_every_joint,
+    split_unit,
 )
-from geodesic_motion_ros.demonstrations.orientations import in_quaternions
-from geodesic_motion_ros.demonstrations.recorded_tables import Table, naming
+from geodesic_motion_ros.demonstrations.orientations import convert_to_quaternions
+from geodesic_motion_ros.demonstrations.recorded_tables import Table, name_in_errors
 from geodesic_motion_ros.demonstrations.takes import Action, Flaw
-from geodesic_motion_ros.demonstrations.text_tables import CellTable, text_cells
+from geodesic_motion_ros.demonstrations.text_tables import CellTable, read_cells
 from geodesic_motion_ros.utils.checked_files import brief
 from geodesic_motion_ros.utils.errors import DemonstrationError
 
@@ -52,7 +52,7 @@ _NO_NUMBER = ("", "nan", "null", "none", "na", "n/a", "-")
 
 @dataclass(frozen=True)
 class MappedTables:
-    """What a file holds.
+    """The tables of a file, by our names.
 
     Attributes
     ----------
@@ -68,7 +68,7 @@ class MappedTables:
     unit: str = ""
 
 
-def mapped_tables(path: Path, columns: str, joint_names: Sequence[str] = ()) -> MappedTables:
+def read_mapped_tables(path: Path, columns: str, joint_names: Sequence[str] = ()) -> MappedTables:
     """Read a file of another program.
 
     Parameters
@@ -81,15 +81,15 @@ def mapped_tables(path: Path, columns: str, joint_names: Sequence[str] = ()) -> 
     ------
     DemonstrationError : says which file, line and column cannot be used, and what is there.
     """
-    mapping = with_every_joint(parse_mapping(columns), joint_names)
-    with naming(path):
+    mapping = expand_every_joint(parse_mapping(columns), joint_names)
+    with name_in_errors(path):
         check_known(mapping, joint_names, has_header=False)
         if not joint_names and MATRIX not in mapping:
             check_complete([name for name in mapping if name in (TIME, *OF_POSES)], "--columns")
-        cells = text_cells(path, list(mapping.values()))
+        cells = read_cells(path, list(mapping.values()))
         check_known(mapping, joint_names, has_header=bool(cells.names))
     found: list[Flaw] = []
-    if DEMONSTRATION not in mapping and (called := column_of_demonstrations(cells.names)) is not None:
+    if DEMONSTRATION not in mapping and (called := find_demonstration_column(cells.names)) is not None:
         mapping[DEMONSTRATION] = called
         if called != DEMONSTRATION:
             found.append(_note(path, f"has a column {brief(called)}", "it says which demonstration a sample is of"))
@@ -102,7 +102,7 @@ def mapped_tables(path: Path, columns: str, joint_names: Sequence[str] = ()) -> 
         turned = {*ROTATION_VECTOR, *ROLL_PITCH_YAW}
         numbers |= {ours: np.radians(numbers[ours]) for ours in turned & units.keys() if units[ours] == "deg"}
     whole = _whole_rows(numbers, cells, path, found)
-    with naming(path):
+    with name_in_errors(path):
         table = _with_times({ours: values[whole] for ours, values in numbers.items()}, units, path, found)
     if not joint_names:
         found += _notes_on_orientation(table, path)
@@ -120,8 +120,8 @@ def mapped_tables(path: Path, columns: str, joint_names: Sequence[str] = ()) -> 
         broken = is_break(np.column_stack([table[ours] for ours in moved]), table.get(TIME))
         _refuse_glued(broken, {names[place]: cells.columns[place] for place in sorted(passed_over)}, whole, cells, path)
     if not joint_names:
-        with naming(path):
-            tables = {name: in_quaternions(table, name) for name, table in tables.items()}
+        with name_in_errors(path):
+            tables = {name: convert_to_quaternions(table, name) for name, table in tables.items()}
     unit = _common_unit({units[ours] for ours in moved}, path)
     return MappedTables(tables, tuple(found), in_one_go, unit)
 
@@ -141,8 +141,8 @@ def _note(path: Path, what: str, how: str, action: Action = Action.READ) -> Flaw
 
 def _places(names: Sequence[str], theirs: str, ours: str, path: Path) -> list[int]:
     """Places of the columns of a name: one, or the 16 of a matrix."""
-    place = place_of(names, theirs)
-    found = elements_of(names, theirs) if place is None else [place]
+    place = find_place(names, theirs)
+    found = find_elements(names, theirs) if place is None else [place]
     needed = 16 if ours == MATRIX else 1
     if len(found) != needed:
         raise DemonstrationError(f"{path}: column {brief(theirs)} is {len(found)} columns; {ours} needs {needed}")
@@ -205,7 +205,7 @@ def _unit(cells: CellTable, place: int) -> str:
     """Of a column, by the row of units or by its name; "" where neither says one."""
     if not cells.names:
         return ""
-    return (cells.units[place] if cells.units else "") or unit_in(cells.names[place])[1]
+    return (cells.units[place] if cells.units else "") or split_unit(cells.names[place])[1]
 
 
 def _common_unit(units: set[str], path: Path) -> str:
@@ -226,7 +226,7 @@ def _with_times(table: Table, units: Mapping[str, str], path: Path, found: list[
     unit = units[TIME]
     if unit and unit not in PER_UNIT:
         raise DemonstrationError(f"column t is in {unit}; times are in {', '.join(PER_UNIT)}")
-    seconds, notes = in_seconds(table[TIME], unit, path.stem)
+    seconds, notes = convert_to_seconds(table[TIME], unit, path.stem)
     found += notes
     return table | {TIME: seconds}
 
@@ -239,7 +239,7 @@ def _refuse_glued(
     broken : between each of the whole rows and the next (T - 1,). others : their cells, of all rows.
     """
     rows = np.flatnonzero(whole)
-    found = changing_at(broken, {name: [column[row] for row in rows] for name, column in others.items()})
+    found = find_changing_column(broken, {name: [column[row] for row in rows] for name, column in others.items()})
     if found is not None:
         name, after = found
         before, behind = (cells.places[rows[sample]] for sample in (after - 1, after))
@@ -255,7 +255,7 @@ def _by_demonstration(table: Table, labels: np.ndarray | None, path: Path, found
     if labels is not None:
         parts = {name: labels == name for name in dict.fromkeys(labels.tolist())}
     else:
-        runs = runs_of(table[TIME]) if TIME in table else [slice(None)]
+        runs = split_runs(table[TIME]) if TIME in table else [slice(None)]
         if len(runs) == 1:
             return {path.stem: table}
         parts = {f"{path.stem}_{number}": run for number, run in enumerate(runs)}

@@ -41,7 +41,7 @@ class ReceivedTake:
 
     @classmethod
     def of(cls, samples: Samples, names: Sequence[str], name: str) -> ReceivedTake:
-        """Of samples in the order in which they were received; names : of their columns."""
+        """Make the take of samples in the order in which they were received; names : of their columns."""
         received, stamps, values = samples
         clock = Clock.of(received, stamps)
         seconds = clock.nanoseconds(received, stamps) / 1e9
@@ -80,28 +80,28 @@ class JointSamples:
         (self._rows if np.all(finite) else self._parts).append((received, stamp_of(message.header), row))
 
     @property
-    def unnamed(self) -> list[str]:
+    def missing_joints(self) -> list[str]:
         """The joints that no message names."""
         return [name for name in self._names if name not in self._seen]
 
     def lacking(self) -> str:
-        """Why no message counts, of those that were added."""
-        lacking = f"no message has {', '.join(self.unnamed or ['a finite position of each of the joints'])}"
+        """Say why no message counts, of those that were added."""
+        lacking = f"no message has {', '.join(self.missing_joints or ['a finite position of each of the joints'])}"
         return f"{lacking}; the joints there are {brief(', '.join(self._seen) or 'none', 300)}"
 
     def take(self, name: str) -> ReceivedTake:
-        """What the messages make, at least one sample.
+        """Make the take of the messages, at least one sample.
 
         DemonstrationError: the joints come in several messages, and never at one time.
         """
         if not self._rows:
             return self._merged(name)
-        read = ReceivedTake.of(stacked(self._rows), self._names, name)
+        read = ReceivedTake.of(stack_rows(self._rows), self._names, name)
         return replace(read, flaws=(*read.flaws, *self._passed_over(name)))
 
     def _merged(self, name: str) -> ReceivedTake:
         """Samples whenever the joint comes that comes least often, the others on straight lines between theirs."""
-        received, stamps, parts = stacked(self._parts)
+        received, stamps, parts = stack_rows(self._parts)
         finite = np.isfinite(parts)
         lags = np.array([np.median((received - stamps)[own]) for own in finite.T])
         unset = f"whose clocks differ by {np.ptp(lags) / 1e9:.2f} s" if np.ptp(lags) > CLOCKS_APART else ""
@@ -150,7 +150,7 @@ class JointSamples:
 
 
 def positions_in(message: Any, names: Sequence[str]) -> np.ndarray:
-    """Positions (eta,) [rad] of joints in a message, NaN of those that it does not have."""
+    """Read positions (eta,) [rad] of joints in a message, NaN of those that it does not have."""
     order, positions = {name: place for place, name in enumerate(message.name)}, message.position
     places = [order.get(name, len(positions)) for name in names]
     return np.array([positions[place] if place < len(positions) else np.nan for place in places], dtype=float)
@@ -165,11 +165,11 @@ def _is_near(at: np.ndarray, times: np.ndarray) -> np.ndarray:
 
 
 def stamp_of(header: Any) -> int:
-    """[ns]"""
+    """Read the stamp of a header [ns]."""
     return header.stamp.sec * 1_000_000_000 + header.stamp.nanosec
 
 
-def stacked(rows: Sequence[tuple[int, int, np.ndarray]]) -> Samples:
-    """Samples of at least one row: received, stamped [ns], values (C,)."""
+def stack_rows(rows: Sequence[tuple[int, int, np.ndarray]]) -> Samples:
+    """Stack at least one row into samples: received, stamped [ns], values (C,)."""
     received, stamps, values = zip(*rows, strict=True)
     return np.array(received), np.array(stamps), np.array(values, dtype=float)

@@ -15,7 +15,7 @@ BLEND_CONCENTRATION = 0.7
 
 
 def cluster_modes(curves: np.ndarray) -> np.ndarray:
-    """Mode (N,) of every curve, numbered from 0 in order of first appearance; all 0 where there is one.
+    """Number the mode (N,) of every curve, from 0 in order of first appearance; all 0 where there is one.
 
     Average linkage of the root mean square distances between curves (N, T, 3) [m], or (N, T, eta) [rad], at equal
     fractions of the arc; the number of modes is that with the largest mean silhouette, if it reaches
@@ -38,7 +38,7 @@ def cluster_modes(curves: np.ndarray) -> np.ndarray:
 
 
 def blend_weights(modes: np.ndarray, blends: int, seed: int) -> np.ndarray:
-    """Weights (N blends, N) of random convex combinations, each within one mode of modes (N,)."""
+    """Draw weights (N blends, N) of random convex combinations, each within one mode of modes (N,)."""
     random = np.random.default_rng(seed)
     weights = np.zeros((len(modes) * blends, len(modes)))
     for row, mode in enumerate(np.repeat(modes, blends)):

@@ -25,8 +25,8 @@ LARGEST_ANGLE = 2.0 * np.pi + 0.01
 _ROUNDING = 1e-2
 
 
-def of_rotation_vectors(vectors: np.ndarray, name: str) -> np.ndarray:
-    """Quaternions (T, 4), neighbours in one hemisphere, of rotation vectors (T, 3) [rad] in the base frame.
+def convert_rotation_vectors(vectors: np.ndarray, name: str) -> np.ndarray:
+    """Convert rotation vectors (T, 3) [rad] in the base frame to quaternions (T, 4), neighbours in one hemisphere.
 
     A turn by about half a turn is written as one vector or as its opposite: where the sign flips nothing jumps.
     DemonstrationError: a vector is longer than half a turn, as degrees and Euler angles are.
@@ -43,8 +43,8 @@ def of_rotation_vectors(vectors: np.ndarray, name: str) -> np.ndarray:
     return continuous_signs(from_rotation(Rotation.from_rotvec(vectors)))
 
 
-def of_roll_pitch_yaw(angles: np.ndarray, name: str) -> np.ndarray:
-    """The same of angles (T, 3) [rad] of turns about the fixed axes x, then y, then z.
+def convert_roll_pitch_yaw(angles: np.ndarray, name: str) -> np.ndarray:
+    """Convert angles (T, 3) [rad] of turns about the fixed axes x, then y, then z to quaternions (T, 4).
 
     DemonstrationError: one is larger than a whole turn, as degrees are.
     """
@@ -58,8 +58,8 @@ def of_roll_pitch_yaw(angles: np.ndarray, name: str) -> np.ndarray:
     return continuous_signs(from_rotation(Rotation.from_euler("xyz", angles)))
 
 
-def of_matrices(matrices: np.ndarray, name: str) -> tuple[np.ndarray, np.ndarray]:
-    """Positions (T, 3), in the unit of the file, and quaternions (T, 4) of homogeneous matrices (T, 16).
+def convert_matrices(matrices: np.ndarray, name: str) -> tuple[np.ndarray, np.ndarray]:
+    """Convert homogeneous matrices (T, 16) to positions (T, 3), in the unit of the file, and quaternions (T, 4).
 
     They are written in rows, or in columns as libfranka does: where the zeros and the one at the end are says which.
     DemonstrationError: neither, or no rotation.
@@ -81,15 +81,15 @@ def of_matrices(matrices: np.ndarray, name: str) -> tuple[np.ndarray, np.ndarray
 
 #: What makes quaternions of three columns.
 _OF_THREE: dict[tuple[str, ...], Callable[[np.ndarray, str], np.ndarray]] = {
-    ROTATION_VECTOR: of_rotation_vectors, ROLL_PITCH_YAW: of_roll_pitch_yaw,
+    ROTATION_VECTOR: convert_rotation_vectors, ROLL_PITCH_YAW: convert_roll_pitch_yaw,
 }  # fmt: skip
 
 
-def in_quaternions(table: Mapping[str, np.ndarray], name: str) -> dict[str, np.ndarray]:
-    """A table of a demonstration with its orientations as qw, qx, qy, qz, whatever columns it has them in."""
+def convert_to_quaternions(table: Mapping[str, np.ndarray], name: str) -> dict[str, np.ndarray]:
+    """Convert the orientations of a demonstration's table to columns qw, qx, qy, qz."""
     converted = dict(table)
     if MATRIX in converted:
-        position, quaternions = of_matrices(converted.pop(MATRIX), name)
+        position, quaternions = convert_matrices(converted.pop(MATRIX), name)
         return converted | dict(zip((*POSITION, *QUATERNION), np.hstack([position, quaternions]).T, strict=True))
     for names, quaternions_of in _OF_THREE.items():
         if names[0] in converted:

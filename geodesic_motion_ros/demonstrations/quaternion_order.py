@@ -1,4 +1,4 @@
-"""Which of its four numbers is a quaternion's scalar: what a recording shows of it, and what it cannot.
+"""The place of the scalar among a quaternion's four numbers: what a recording shows of it, and what it cannot.
 
 Quaternions in the order (x, y, z, w), as ROS messages have them, are of unit length and as smooth as those in the order
 (w, x, y, z): read in the wrong order they are other rotations, at the same angles from one another. Length, continuity
@@ -22,20 +22,20 @@ DOWN, NOT_DOWN = 0.45, 0.25
 
 
 def share_down(quaternions: np.ndarray) -> np.ndarray:
-    """How far a tool's z axis points down, (...): 1 straight down, 0 level, -1 straight up; quaternions (..., 4)."""
+    """Measure how far a tool of quaternions (..., 4) points its z axis down, (...): 1 straight down, -1 straight up."""
     w, x, y, z = np.moveaxis(quaternions, -1, 0)
     return x**2 + y**2 - w**2 - z**2
 
 
-def tilts(demonstrations: Demonstrations) -> tuple[float, float]:
-    """Mean angle [deg] of the tool's z axis from straight down where demonstrations begin, and where they end."""
+def mean_tilts(demonstrations: Demonstrations) -> tuple[float, float]:
+    """Measure the mean angle [deg] of the tool's z axis from straight down where demonstrations begin, and end."""
     ends = np.array([[item.quaternions[0], item.quaternions[-1]] for item in demonstrations])
     first, last = np.degrees(np.arccos(np.clip(share_down(ends), -1.0, 1.0))).mean(axis=0)
     return float(first), float(last)
 
 
-def looks_scalar_last(demonstrations: Demonstrations) -> bool:
-    """Whether a tool that hardly points down, its quaternions read as (w, x, y, z), does as (x, y, z, w)."""
+def is_scalar_last(demonstrations: Demonstrations) -> bool:
+    """Tell whether a tool that hardly points down, its quaternions read as (w, x, y, z), does as (x, y, z, w)."""
     read = np.concatenate([item.quaternions for item in demonstrations])
     down, otherwise = (float(share_down(order).mean()) for order in (read, np.roll(read, 1, axis=1)))
     return down < NOT_DOWN and otherwise > DOWN

@@ -23,10 +23,16 @@ from geodesic_motion_ros.demonstrations.column_names import (
 )
 from geodesic_motion_ros.demonstrations.demonstrations import Demonstration, Demonstrations, check_norms
 from geodesic_motion_ros.demonstrations.joint_demonstrations import JointDemonstration, JointDemonstrations
-from geodesic_motion_ros.demonstrations.mapped_tables import TEXT_FILES, MappedTables, mapped_tables
-from geodesic_motion_ros.demonstrations.recorded_tables import Table, joint_tables, names_in, naming, pose_tables
+from geodesic_motion_ros.demonstrations.mapped_tables import TEXT_FILES, MappedTables, read_mapped_tables
+from geodesic_motion_ros.demonstrations.recorded_tables import (
+    Table,
+    name_in_errors,
+    read_joint_tables,
+    read_names,
+    read_pose_tables,
+)
 from geodesic_motion_ros.demonstrations.takes import POSE, Take
-from geodesic_motion_ros.demonstrations.turns import aligned, unwrapped
+from geodesic_motion_ros.demonstrations.turns import align_turns, unwrap_turns
 from geodesic_motion_ros.geometry.curves import arc_length
 from geodesic_motion_ros.geometry.quaternions import continuous_signs
 from geodesic_motion_ros.utils.checked_numbers import ARM_REACH
@@ -40,7 +46,7 @@ SHORTEST_MOTION = 0.01
 def read_demonstrations(
     path: str | Path, units: Units, columns: str = DEFAULT_COLUMNS, rate_hz: float = 100.0
 ) -> Demonstrations:
-    """Read a recording.
+    """Read a recording of poses, in metres.
 
     Parameters
     ----------
@@ -68,23 +74,23 @@ def read_demonstrations(
         Says which file, demonstration, sample and column cannot be used, and what would be right.
     """
     path = Path(path)
-    takes = pose_takes(path, units, columns, rate_hz)
-    with naming(path):
-        return demonstrations_of(takes)
+    takes = read_pose_takes(path, units, columns, rate_hz)
+    with name_in_errors(path):
+        return make_demonstrations(takes)
 
 
-def pose_takes(path: Path, units: Units, columns: str = DEFAULT_COLUMNS, rate_hz: float = 100.0) -> list[Take]:
-    """The same as it was recorded, in metres: one take for each demonstration, its times not checked."""
+def read_pose_takes(path: Path, units: Units, columns: str = DEFAULT_COLUMNS, rate_hz: float = 100.0) -> list[Take]:
+    """Read poses as they were recorded, in metres: one take for each demonstration, its times not checked."""
     scale = _metres_per(units)
     if is_mapped(path, columns):
-        mapped = mapped_tables(path, columns)
+        mapped = read_mapped_tables(path, columns)
         if mapped.unit not in ("", units):
             raise DemonstrationError(f"{path}: its columns are in {mapped.unit}, by their names; --units says {units}")
     else:
-        mapped = MappedTables(pose_tables(path, parse_columns(columns), rate_hz))
+        mapped = MappedTables(read_pose_tables(path, parse_columns(columns), rate_hz))
     tables = mapped.tables
     _check_reach(tables, scale, units, path)
-    with naming(path):
+    with name_in_errors(path):
         takes = [_pose_take(name, table, scale, rate_hz) for name, table in tables.items()]
         for take in takes:
             check_samples(len(take), take.name)
@@ -93,8 +99,8 @@ def pose_takes(path: Path, units: Units, columns: str = DEFAULT_COLUMNS, rate_hz
     return _as_found(takes, mapped)
 
 
-def demonstrations_of(takes: Sequence[Take]) -> Demonstrations:
-    """Those of takes of poses, one each; DemonstrationError names what cannot be used."""
+def make_demonstrations(takes: Sequence[Take]) -> Demonstrations:
+    """Make demonstrations of takes of poses, one each; DemonstrationError names what cannot be used."""
     oriented = all(len(take.names) == len(POSE) for take in takes)
     return Demonstrations(tuple(map(_demonstration, takes)), has_orientation=oriented)
 
@@ -125,15 +131,15 @@ def read_joint_demonstrations(path: str | Path, robot: str, rate_hz: float = 100
         robot, joints outside their limits (degrees are), and what `read_demonstrations` refuses.
     """
     path = Path(path)
-    takes = joint_takes(path, robot, rate_hz)
-    with naming(path):
-        return joint_demonstrations_of(takes, robot)
+    takes = read_joint_takes(path, robot, rate_hz)
+    with name_in_errors(path):
+        return make_joint_demonstrations(takes, robot)
 
 
-def joint_takes(
+def read_joint_takes(
     path: Path, robot: str, rate_hz: float = 100.0, columns: str = DEFAULT_COLUMNS, units: str | None = None
 ) -> list[Take]:
-    """The same as it was recorded: one take for each demonstration, joints as the robot's, times not checked.
+    """Read joints as they were recorded, in the robot's order: one take for each demonstration, times not checked.
 
     columns : of files of other programs, our names and those of the file; of our own nothing.
     units : "rad" or "deg"; None: as the file says, radians where it does not.
@@ -143,21 +149,21 @@ def joint_takes(
 
     names = Robot.named(robot).joint_names
     if is_mapped(path, columns):
-        mapped = mapped_tables(path, columns, names)
+        mapped = read_mapped_tables(path, columns, names)
         if units and mapped.unit not in ("", units):
             raise DemonstrationError(f"{path}: its columns are in {mapped.unit}, by their names; --units says {units}")
     else:
-        mapped = MappedTables(joint_tables(path, names, robot, rate_hz))
-    with naming(path):
+        mapped = MappedTables(read_joint_tables(path, names, robot, rate_hz))
+    with name_in_errors(path):
         takes = [
             Take(name, _times(table, len(table[names[0]]), rate_hz), np.array([table[one] for one in names]).T, names)
             for name, table in mapped.tables.items()
         ]
-    return _as_found(in_radians(takes, units or mapped.unit), mapped)
+    return _as_found(convert_to_radians(takes, units or mapped.unit), mapped)
 
 
-def in_radians(takes: Sequence[Take], units: str | None) -> list[Take]:
-    """Takes of joints that were recorded in `units`: "deg", "rad", or "" and None, which are radians.
+def convert_to_radians(takes: Sequence[Take], units: str | None) -> list[Take]:
+    """Convert takes of joints that were recorded in `units` to radians: "deg", "rad", or "" and None, radians.
 
     Raises
     ------
@@ -181,12 +187,12 @@ def _as_found(takes: list[Take], mapped: MappedTables) -> list[Take]:
     return [replace(takes[0], found=mapped.found, in_one_go=mapped.in_one_go), *takes[1:]]
 
 
-def joint_demonstrations_of(takes: Sequence[Take], robot: str) -> JointDemonstrations:
-    """Those of takes of a robot's joints, one each; DemonstrationError names what cannot be used."""
+def make_joint_demonstrations(takes: Sequence[Take], robot: str) -> JointDemonstrations:
+    """Make demonstrations of takes of a robot's joints, one each; DemonstrationError names what cannot be used."""
     from geodesic_motion_ros.robot.kinematics import Robot
 
     arm = Robot.named(robot)
-    motions, _ = aligned([unwrapped(take, arm)[0] for take in takes], arm)
+    motions, _ = align_turns([unwrap_turns(take, arm)[0] for take in takes], arm)
     items = tuple(JointDemonstration(motion.values, motion.times, motion.name) for motion in motions)
     demonstrations = JointDemonstrations(items, arm.joint_names, robot)
     demonstrations.check_robot(arm)
@@ -207,26 +213,26 @@ def check_kind(path: Path) -> None:
 
 
 def is_mapped(path: Path, columns: str) -> bool:
-    """Whether a file is one of another program, of which `columns` says which column is which."""
+    """Tell whether a file is one of another program, of which `columns` says which column is which."""
     suffix = path.suffix.lower()
     if suffix != ".csv" or path.is_dir():
         return suffix in TEXT_FILES and not path.is_dir()
     plain = {name.strip() for name in columns.split(",")} <= {TIME, *POSITION, *QUATERNION}
     if plain and columns != DEFAULT_COLUMNS:
         with suppress(OSError, UnicodeDecodeError, FileError, DemonstrationError):
-            return DEMONSTRATION not in names_in(path)
+            return DEMONSTRATION not in read_names(path)
     return not plain
 
 
-def holds_joints(path: str | Path) -> bool:
-    """Whether a file says of itself that it is a recording of joints, for `read_joint_demonstrations`.
+def is_of_joints(path: str | Path) -> bool:
+    """Tell whether a file says of itself that it is a recording of joints, for `read_joint_demonstrations`.
 
     A `.npz` with the key `configurations`, or a `.csv`, or a folder of them, with a column `demonstration` and none of
     positions. False for what cannot be read.
     """
     path = Path(path)
     try:
-        names = names_in(path)
+        names = read_names(path)
     except (OSError, UnicodeDecodeError, FileError, DemonstrationError):
         return False
     if path.suffix.lower() == ".npz":

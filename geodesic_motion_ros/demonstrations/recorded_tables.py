@@ -21,7 +21,7 @@ from geodesic_motion_ros.demonstrations.column_names import (
     POSITION,
     TIME,
     check_complete,
-    quaternion_order,
+    find_quaternion_order,
 )
 from geodesic_motion_ros.utils.checked_files import array_names, brief, opened, read_array, read_arrays
 from geodesic_motion_ros.utils.errors import DemonstrationError, FileError
@@ -40,8 +40,8 @@ Content = TypeVar("Content")
 
 
 @contextmanager
-def naming(path: Path) -> Iterator[None]:
-    """Errors name the file; those that do already stay as they are."""
+def name_in_errors(path: Path) -> Iterator[None]:
+    """Name the file in errors; those that do already stay as they are."""
     try:
         yield
     except DemonstrationError as error:
@@ -50,8 +50,8 @@ def naming(path: Path) -> Iterator[None]:
         raise DemonstrationError(f"{path}: {error}") from error
 
 
-def pose_tables(path: Path, names: tuple[str, ...], rate_hz: float) -> dict[str, Table]:
-    """Those of a recording of poses, by the names of the demonstrations; names : of its columns, in their order.
+def read_pose_tables(path: Path, names: tuple[str, ...], rate_hz: float) -> dict[str, Table]:
+    """Read the tables of a recording of poses, by the names of the demonstrations; names : of its columns, in order.
 
     rate_hz : samples a second of files that have no times.
 
@@ -62,8 +62,8 @@ def pose_tables(path: Path, names: tuple[str, ...], rate_hz: float) -> dict[str,
     return _read_tables(path, {".npy": _read_npy, ".npz": _read_npz, ".csv": _read_csv}, names, rate_hz)
 
 
-def joint_tables(path: Path, joint_names: tuple[str, ...], robot: str, rate_hz: float) -> dict[str, Table]:
-    """The same of a recording of a robot's joints."""
+def read_joint_tables(path: Path, joint_names: tuple[str, ...], robot: str, rate_hz: float) -> dict[str, Table]:
+    """Read the tables of a recording of a robot's joints, by the names of the demonstrations."""
 
     def read_npz(path: Path, names: tuple[str, ...]) -> dict[str, Table]:
         return _joint_arrays(_load(path, read_arrays), names, robot, path)
@@ -74,17 +74,17 @@ def joint_tables(path: Path, joint_names: tuple[str, ...], robot: str, rate_hz: 
     return _read_tables(path, {".npz": read_npz, ".csv": read_csv}, joint_names, rate_hz)
 
 
-def files_in(path: Path) -> list[Path]:
-    """The `.csv` files of a folder, by name, which are one recording together; [] of what is no folder."""
+def find_files(path: Path) -> list[Path]:
+    """List the `.csv` files of a folder, by name, which are one recording together; [] of what is no folder."""
     return sorted(path.glob("*.csv")) if path.is_dir() else []
 
 
-def names_in(path: Path) -> set[str]:
-    """Names of the arrays of a `.npz`, or of the columns of a `.csv`, of a folder's first one; none of other files.
+def read_names(path: Path) -> set[str]:
+    """Read the names of the arrays of a `.npz`, or of the columns of a `.csv` or a folder's first; none of other files.
     Raises what cannot be read.
     """
-    if files := files_in(path):
-        return names_in(files[0])
+    if files := find_files(path):
+        return read_names(files[0])
     if path.suffix.lower() == ".npz":
         return set(_load(path, array_names))
     if path.suffix.lower() == ".csv":
@@ -97,7 +97,7 @@ def names_in(path: Path) -> set[str]:
 def _read_tables(path: Path, readers: Mapping[str, Reader], names: tuple[str, ...], rate_hz: float) -> dict[str, Table]:
     if not (np.isfinite(rate_hz) and rate_hz > 0.0):
         raise DemonstrationError(f"rate_hz is {rate_hz}; it must be a positive number of samples a second")
-    if files := files_in(path):
+    if files := find_files(path):
         return _merged([(file, _read_tables(file, readers, names, rate_hz)) for file in files])
     if path.is_dir():
         raise DemonstrationError(f"{path}: is a directory without .csv files; it holds no recording, and is no bag")
@@ -133,7 +133,7 @@ def _read_npy(path: Path, names: tuple[str, ...]) -> dict[str, Table]:
 def _read_npz(path: Path, names: tuple[str, ...]) -> dict[str, Table]:
     arrays = _load(path, read_arrays)
     if "positions" in arrays:
-        return _named_arrays(arrays, quaternion_order(names), path)
+        return _named_arrays(arrays, find_quaternion_order(names), path)
     if len(arrays) != 1:
         keys = brief(", ".join(arrays)) if arrays else "nothing"
         raise DemonstrationError(

@@ -11,11 +11,15 @@ from geodesic_motion_ros.demonstrations import bags
 from geodesic_motion_ros.demonstrations.demonstrations import Demonstrations
 from geodesic_motion_ros.demonstrations.flaws import find_strangers, repair_demonstration, repair_samples
 from geodesic_motion_ros.demonstrations.joint_demonstrations import JointDemonstrations
-from geodesic_motion_ros.demonstrations.readers import demonstrations_of, in_radians, joint_demonstrations_of
+from geodesic_motion_ros.demonstrations.readers import (
+    convert_to_radians,
+    make_demonstrations,
+    make_joint_demonstrations,
+)
 from geodesic_motion_ros.demonstrations.returns import find_returns
-from geodesic_motion_ros.demonstrations.splitting import Split, split
+from geodesic_motion_ros.demonstrations.splitting import Split, split_take
 from geodesic_motion_ros.demonstrations.takes import NO_FLAW, Action, Flaw, Take
-from geodesic_motion_ros.demonstrations.turns import aligned, unwrapped
+from geodesic_motion_ros.demonstrations.turns import align_turns, unwrap_turns
 from geodesic_motion_ros.geometry.curves import arc_length
 from geodesic_motion_ros.robot.description import RobotDescription
 from geodesic_motion_ros.utils.checked_files import brief
@@ -47,7 +51,7 @@ class Recording:
 
     @classmethod
     def of_files(cls, takes: Sequence[Take], robot: str = "") -> Recording:
-        """Takes that are one demonstration each. DemonstrationError: a value that cannot be used."""
+        """Read takes that are one demonstration each. DemonstrationError: a value that cannot be used."""
         arm = _robot(robot) if robot else None
         repaired = [_repaired(take, arm) for take in takes]
         flaws = [flaw for take, (_, found) in zip(takes, repaired, strict=True) for flaw in (*take.found, *found)]
@@ -57,7 +61,7 @@ class Recording:
     def of_bags(
         cls, paths: Sequence[Path], topic: str | None, how: Split, robot: str, units: str | None = None
     ) -> Recording:
-        """Bags with one or more demonstrations each.
+        """Read bags with one or more demonstrations each.
 
         robot : whose joints are read where the topic has joints. units : of joints, "deg", or "rad" as ROS has them.
 
@@ -67,23 +71,23 @@ class Recording:
         """
         reads = []
         for path in paths:
-            source, found = bags.chosen_source(path, topic)
+            source, found = bags.choose_source(path, topic)
             names = _robot(robot).joint_names if found.kind == bags.JOINTS else ()
             read = bags.read_take(path, source, names, how.marker)
             if names:
-                read = replace(read, take=in_radians([read.take], units)[0])
+                read = replace(read, take=convert_to_radians([read.take], units)[0])
             reads.append(_in_base(read, robot))
         takes = [read.take for read in reads]
-        if len({take.of_joints for take in takes}) > 1:
+        if len({take.is_of_joints for take in takes}) > 1:
             raise DemonstrationError("some of the bags have joints and some have poses: name one topic with --topic")
         names = [take.name for take in takes]
         if len(set(names)) < len(names):
             raise DemonstrationError("two bags have the same name; demonstrations are called by it: rename one")
-        return cls.of_long_takes(reads, how, robot if takes[0].of_joints else "")
+        return cls.of_long_takes(reads, how, robot if takes[0].is_of_joints else "")
 
     @classmethod
     def of_long_takes(cls, reads: Sequence[bags.BagTake], how: Split, robot: str = "") -> Recording:
-        """Takes with one or more demonstrations each. DemonstrationError: nothing moves in one."""
+        """Split takes with one or more demonstrations each. DemonstrationError: nothing moves in one."""
         arm = _robot(robot) if robot else None
         motions: list[Take] = []
         flaws: list[Flaw] = []
@@ -91,33 +95,33 @@ class Recording:
             take, repaired = _repaired(read.take, arm)
             flaws += [*read.flaws, *take.found, *repaired]
             if not any(flaw.action is Action.REFUSED for flaw in repaired):
-                parts, between = split(take, how, read.markers, read.breaks)
+                parts, between = split_take(take, how, read.markers, read.breaks)
                 motions += parts
                 flaws += between
         return cls._of([read.take for read in reads], motions, flaws, robot)
 
     @classmethod
     def _of(cls, takes: Sequence[Take], motions: Sequence[Take], flaws: list[Flaw], robot: str) -> Recording:
-        motions, turns = aligned(motions, _robot(robot)) if robot else (motions, [])
+        motions, turns = align_turns(motions, _robot(robot)) if robot else (motions, [])
         repaired = [repair_demonstration(motion) for motion in motions]
         flaws = [*flaws, *turns, *(flaw for _, found in repaired for flaw in found)]
         found = cls(tuple(takes), tuple(motion for motion, _ in repaired), tuple(flaws), robot)
-        if found.refused or not found._kept():
+        if found.refusals or not found._kept():
             return found
         return cls(found.takes, found.motions, (*flaws, *found._strangers(), *find_returns(found._kept())), robot)
 
     @property
-    def refused(self) -> tuple[Flaw, ...]:
+    def refusals(self) -> tuple[Flaw, ...]:
         """The flaws for which nothing is learned from the recording as a whole."""
         return tuple(flaw for flaw in self.flaws if flaw.action is Action.REFUSED)
 
     @property
-    def left_out(self) -> frozenset[str]:
+    def left_out_names(self) -> frozenset[str]:
         """Names of the motions that are not learned from."""
         return frozenset(flaw.demonstration for flaw in self.flaws if flaw.action is Action.LEFT_OUT)
 
-    def checked(self, strict: bool = False) -> Demonstrations | JointDemonstrations:
-        """The demonstrations to learn from.
+    def demonstrations(self, strict: bool = False) -> Demonstrations | JointDemonstrations:
+        """Make the demonstrations to learn from.
 
         strict : refuse every flaw.
 
@@ -125,7 +129,7 @@ class Recording:
         ------
         DemonstrationError : names the first flaw for which the recording is refused, or all that leave too little.
         """
-        wrong = [flaw for flaw in self.flaws if flaw.action not in NO_FLAW] if strict else self.refused
+        wrong = [flaw for flaw in self.flaws if flaw.action not in NO_FLAW] if strict else self.refusals
         if wrong:
             more = f" (and {len(wrong) - 1} more: `inspect` lists them)" if len(wrong) > 1 else ""
             rule = "; --strict refuses it" if strict and wrong[0].action is not Action.REFUSED else ""
@@ -137,15 +141,15 @@ class Recording:
             raise DemonstrationError(f"{len(kept)} of {len(self.motions)} demonstrations remain: {listed}")
         return self._demonstrations(kept)
 
-    def described(self) -> dict[str, list[dict[str, Any]]]:
-        """The demonstrations and the flaws as plain values; times [s], lengths [rad] of joints or [m]."""
+    def describe(self) -> dict[str, list[dict[str, Any]]]:
+        """Describe the demonstrations and the flaws in plain values; times [s], lengths [rad] of joints or [m]."""
         return {
             "demonstrations": [
                 {
                     "name": take.name, "from": float(take.times[0]), "to": float(take.times[-1]), "samples": len(take),
                     "rate": float((len(take) - 1) / (take.times[-1] - take.times[0])),
-                    "length": float(arc_length(take.values if take.of_joints else take.values[:, :3])[-1]),
-                    "learned": "no" if take.name in self.left_out or self.refused else "yes",
+                    "length": float(arc_length(take.values if take.is_of_joints else take.values[:, :3])[-1]),
+                    "learned": "no" if take.name in self.left_out_names or self.refusals else "yes",
                 }
                 for take in self.motions
             ],
@@ -163,14 +167,14 @@ class Recording:
         return {motion.name for motion in self.motions}
 
     def _kept(self) -> list[Take]:
-        return [motion for motion in self.motions if motion.name not in self.left_out]
+        return [motion for motion in self.motions if motion.name not in self.left_out_names]
 
     def _demonstrations(self, motions: Sequence[Take]) -> Demonstrations | JointDemonstrations:
-        return joint_demonstrations_of(motions, self.robot) if self.robot else demonstrations_of(motions)
+        return make_joint_demonstrations(motions, self.robot) if self.robot else make_demonstrations(motions)
 
     def _strangers(self) -> list[Flaw]:
         demonstrations = self._demonstrations(self._kept())
-        if isinstance(demonstrations, Demonstrations):
+        if not self.robot:
             return find_strangers(demonstrations)
         tool = demonstrations.tool_demonstrations(_robot(self.robot))
         return find_strangers(tool, [item.configurations[[0, -1]] for item in demonstrations])
@@ -188,7 +192,7 @@ def _in_base(read: bags.BagTake, robot: str) -> bags.BagTake:
 
 def _repaired(take: Take, robot: Robot | None) -> tuple[Take, list[Flaw]]:
     """The take without whole turns and wrong samples; robot : whose joints it has, None: it has poses."""
-    take, turns = unwrapped(take, robot) if robot else (take, [])
+    take, turns = unwrap_turns(take, robot) if robot else (take, [])
     take, found = repair_samples(take)
     return take, turns + found
 

@@ -22,7 +22,7 @@ _SAMPLES = 120
 
 
 def find_returns(motions: Sequence[Take]) -> list[Flaw]:
-    """The first motion that returns, where half of them do or more: refused; else those that go over their own path."""
+    """Find the first motion that returns, where at least half do: refused; else those that retrace their path."""
     returning = [motion for motion in motions if _returns(motion)]
     if returning and len(returning) >= 0.5 * len(motions):
         how = "a skill leads from a start to another goal: end demonstrations where they turn back (--split)"
@@ -33,7 +33,7 @@ def find_returns(motions: Sequence[Take]) -> list[Flaw]:
 
 
 def _flaw(motion: Take, what: str, action: Action, how: str) -> Flaw:
-    values, unit = (motion.values, "rad") if motion.of_joints else (motion.values[:, :3], "m")
+    values, unit = (motion.values, "rad") if motion.is_of_joints else (motion.values[:, :3], "m")
     apart, length = float(np.linalg.norm(values[-1] - values[0])), float(arc_length(values)[-1])
     what = f"{what} {apart:.3f} {unit} from its start after {length:.2f} {unit}"
     return Flaw(motion.name, float(motion.times[-1]), what, action, how)
@@ -41,7 +41,7 @@ def _flaw(motion: Take, what: str, action: Action, how: str) -> Flaw:
 
 def _points(motion: Take) -> np.ndarray:
     """Joints (T, eta) [rad], or positions and quaternions (T, 3 or 7) scaled so that distances are in metres."""
-    if motion.of_joints:
+    if motion.is_of_joints:
         return motion.values
     # a quaternion changes by half of the angle
     return np.hstack([motion.values[:, :3], 2.0 * ROTATION_LENGTH * motion.values[:, 3:]])
@@ -51,7 +51,7 @@ def _returns(motion: Take) -> bool:
     points = _points(motion)
     # the opposite quaternion is the same orientation
     ends = [points[-1] * np.where(np.arange(points.shape[1]) < 3, 1.0, sign) for sign in (1.0, -1.0)]
-    apart = min(np.linalg.norm(end - points[0]) for end in (ends[:1] if motion.of_joints else ends))
+    apart = min(np.linalg.norm(end - points[0]) for end in (ends[:1] if motion.is_of_joints else ends))
     return bool(apart < LOOP * np.linalg.norm(points - points[0], axis=1).max())
 
 

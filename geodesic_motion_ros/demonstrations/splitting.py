@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from geodesic_motion_ros.demonstrations.takes import Action, Flaw, Take, per_column
+from geodesic_motion_ros.demonstrations.takes import Action, Flaw, Take, sizes_by_column
 from geodesic_motion_ros.utils.errors import DemonstrationError
 
 #: A take stands still where no column leaves a range of this size for `pause` seconds: joints [rad], positions [m],
@@ -40,7 +40,7 @@ class Span(NamedTuple):
 
 @dataclass(frozen=True)
 class Split:
-    """How a take is split; one of the three.
+    """The rule by which a take is split; one of the three.
 
     Attributes
     ----------
@@ -57,7 +57,7 @@ class Split:
 
     @classmethod
     def parse(cls, text: str, pause: float = PAUSE, first: int = 1) -> Split:
-        """Out of `standstill`, a topic as `/mark`, or times [s] as `3.2-9.8,14-20.5`; DemonstrationError otherwise."""
+        """Read `standstill`, a topic as `/mark`, or times [s] as `3.2-9.8,14-20.5`; DemonstrationError otherwise."""
         if not (math.isfinite(pause) and pause > 0.0) or first < 1:
             raise DemonstrationError(f"pause {pause:g} s, first motion {first}: both must be positive")
         if text == "standstill":
@@ -76,10 +76,10 @@ class Split:
         return cls(times=tuple(times))
 
 
-def split(
+def split_take(
     take: Take, how: Split, markers: Sequence[tuple[float, bool | str | None]] = (), breaks: Sequence[float] = ()
 ) -> tuple[list[Take], list[Flaw]]:
-    """The demonstrations in a take, and what was not taken for one. DemonstrationError: there is none.
+    """Split a take into its demonstrations; with what was not taken for one. DemonstrationError: there is none.
 
     markers : times [s] and values of the messages of `how.marker`.
     breaks : times [s] of samples that no motion leads to from the one before, as where a simulation was reset.
@@ -94,9 +94,9 @@ def split(
             )
         flaws: list[Flaw] = []
     elif how.marker:
-        spans, flaws = marked_spans(markers, float(take.times[-1]), take.name)
+        spans, flaws = find_marked_spans(markers, float(take.times[-1]), take.name)
     else:
-        spans, flaws = moving_spans(take, how.pause, breaks), []
+        spans, flaws = find_moving_spans(take, how.pause, breaks), []
     motions = []
     for span in spans:
         part = _moving_part(take, span, how)
@@ -108,7 +108,7 @@ def split(
         else:
             motions.append(part)
     if not (how.times or how.marker):
-        motions, back = without_returns(motions, how.first)
+        motions, back = leave_out_returns(motions, how.first)
         flaws += back
         motions = [part.part(slice(None), f"{take.name}_{number}") for number, part in enumerate(motions)]
     if not motions:
@@ -118,8 +118,8 @@ def split(
     return motions, flaws
 
 
-def still_samples(take: Take, duration: float) -> np.ndarray:
-    """Whether each sample (T,) lies in a standstill of `duration` [s]; also false in gaps that long, where none is.
+def is_still(take: Take, duration: float) -> np.ndarray:
+    """Tell whether each sample (T,) lies in a standstill of `duration` [s]; false in gaps that long, where none is.
 
     Times rise. Judged on a grid of 50 Hz between the samples, so that neither rate nor jitter of a recording counts.
     """
@@ -128,7 +128,7 @@ def still_samples(take: Take, duration: float) -> np.ndarray:
     if len(grid) <= steps:
         return np.zeros(len(take), dtype=bool)
     begins = np.ones(len(grid) - steps, dtype=bool)
-    for column, still in zip(take.values.T, per_column(STILL, take.names), strict=True):
+    for column, still in zip(take.values.T, sizes_by_column(STILL, take.names), strict=True):
         windows = np.lib.stride_tricks.sliding_window_view(np.interp(grid, take.times, column), steps + 1)
         begins &= np.ptp(windows, axis=1) <= still
     covered = np.cumsum(np.bincount(np.flatnonzero(begins), minlength=len(grid) + 1)
@@ -137,9 +137,9 @@ def still_samples(take: Take, duration: float) -> np.ndarray:
     return covered[nearest] > 0
 
 
-def moving_spans(take: Take, pause: float, breaks: Sequence[float] = ()) -> list[Span]:
-    """The parts of a take between standstills, gaps, of `pause` seconds, and breaks [s], one after the other."""
-    still = still_samples(take, pause)
+def find_moving_spans(take: Take, pause: float, breaks: Sequence[float] = ()) -> list[Span]:
+    """Find the parts of a take between standstills, gaps, of `pause` seconds, and breaks [s], one after the other."""
+    still = is_still(take, pause)
     broken = np.diff(np.searchsorted(np.array(breaks), take.times, "right")) > 0
     gap = np.append((np.diff(take.times) >= pause) | broken, True)
     spans, begin = [], None
@@ -156,10 +156,10 @@ def moving_spans(take: Take, pause: float, breaks: Sequence[float] = ()) -> list
     ]
 
 
-def marked_spans(
+def find_marked_spans(
     markers: Sequence[tuple[float, bool | str | None]], last: float, name: str
 ) -> tuple[list[Span], list[Flaw]]:
-    """The parts between marks, up to the `last` time [s] of the take.
+    """Find the parts between marks, up to the `last` time [s] of the take.
 
     | marker | begins a demonstration | ends it |
     | Empty  | the first, the third, ... | the second, the fourth, ... |
@@ -186,7 +186,7 @@ def marked_spans(
     return spans, flaws
 
 
-def without_returns(motions: list[Take], first: int = 1) -> tuple[list[Take], list[Flaw]]:
+def leave_out_returns(motions: list[Take], first: int = 1) -> tuple[list[Take], list[Flaw]]:
     """Leave out the motions that lead back to where the next demonstration starts.
 
     Between two demonstrations in one take the arm goes back. A motion from b to e leads back where b is a goal, or e a
@@ -202,7 +202,7 @@ def without_returns(motions: list[Take], first: int = 1) -> tuple[list[Take], li
         return [], []
     if first > len(motions):
         raise DemonstrationError(f"motion {first} cannot be the first demonstration: there are {len(motions)} motions")
-    scale = per_column(STILL, motions[0].names)
+    scale = sizes_by_column(STILL, motions[0].names)
     ends = [(motion.values[0] / scale, motion.values[-1] / scale) for motion in motions[first - 1 :]]
     if np.linalg.norm(ends[0][1] - ends[0][0]) < LOOP * _extent(motions[first - 1], scale):
         return motions, []
@@ -240,7 +240,7 @@ def _moving_part(take: Take, span: Span, how: Split) -> Take | None:
     part = take.part(samples, span.name)
     if not (how.times or how.marker):
         return part
-    moving = np.flatnonzero(~still_samples(part, min(how.pause, 1.0)))
+    moving = np.flatnonzero(~is_still(part, min(how.pause, 1.0)))
     if not len(moving):
         return None
     return part.part(slice(max(moving[0] - 1, 0), moving[-1] + 2))

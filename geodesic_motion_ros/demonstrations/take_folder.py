@@ -12,12 +12,12 @@ import numpy as np
 from geodesic_motion_ros.demonstrations.demonstrations import Demonstration
 from geodesic_motion_ros.demonstrations.flaws import repair_samples
 from geodesic_motion_ros.demonstrations.message_samples import JointSamples
-from geodesic_motion_ros.demonstrations.readers import joint_demonstrations_of, joint_takes
-from geodesic_motion_ros.demonstrations.recorded_tables import files_in
+from geodesic_motion_ros.demonstrations.readers import make_joint_demonstrations, read_joint_takes
+from geodesic_motion_ros.demonstrations.recorded_tables import find_files
 from geodesic_motion_ros.demonstrations.recordings import Recording
-from geodesic_motion_ros.demonstrations.splitting import Split, split
+from geodesic_motion_ros.demonstrations.splitting import Split, split_take
 from geodesic_motion_ros.demonstrations.takes import Action, Flaw, Take
-from geodesic_motion_ros.demonstrations.turns import unwrapped
+from geodesic_motion_ros.demonstrations.turns import unwrap_turns
 from geodesic_motion_ros.demonstrations.writers import save_take
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.utils.errors import DemonstrationError
@@ -40,7 +40,7 @@ class TakeFolder:
         self._robot = Robot.named(robot)
         self._joints_heard = self._robot.prefixed(prefix).joint_names
         self._robot_name = robot
-        self._takes = joint_takes(folder, robot) if files_in(folder) else []
+        self._takes = read_joint_takes(folder, robot) if find_files(folder) else []
         recorded = Recording.of_files(self._takes, robot).motions if self._takes else ()
         self._motions = {motion.name: self._tool_motion(motion) for motion in recorded}
         self._recorded: list[str] = []
@@ -52,13 +52,13 @@ class TakeFolder:
 
     @property
     def joint_names(self) -> tuple[str, ...]:
-        """Of the messages."""
+        """Names of the joints in messages."""
         return self._joints_heard
 
     @property
     def next_name(self) -> str:
-        """Of the next take: take_001, or one more than the highest number, those of another session included."""
-        names = [*(take.name for take in self._takes), *(file.stem for file in files_in(self.folder))]
+        """Name of the next take: take_001, or one more than the highest number, those of another session included."""
+        names = [*(take.name for take in self._takes), *(file.stem for file in find_files(self.folder))]
         numbers = [int(found[1]) for name in names if (found := re.fullmatch(r"take_(\d+)", name))]
         return f"take_{max(numbers, default=0) + 1:03d}"
 
@@ -113,16 +113,16 @@ class TakeFolder:
         """The take from its last standstill before the motion to the first after it, samples as they were recorded."""
         if len(take) < 2:
             raise DemonstrationError(f"{take.name} has {len(take)} sample: was the driver started just now?")
-        repaired, flaws = repair_samples(unwrapped(take, self._robot)[0])
+        repaired, flaws = repair_samples(unwrap_turns(take, self._robot)[0])
         if wrong := [flaw for flaw in flaws if flaw.action in _UNUSABLE]:
             raise DemonstrationError(str(wrong[0]))
         whole = Split(times=((float(repaired.times[0]), float(repaired.times[-1])),))
-        (motion,), _ = split(repaired, whole)
+        (motion,), _ = split_take(repaired, whole)
         return take.part((take.times >= motion.times[0]) & (take.times <= motion.times[-1]))
 
     def _tool_motion(self, motion: Take) -> Demonstration:
         """The motion of the tool, of a repaired one; DemonstrationError: joints outside their limits."""
-        return joint_demonstrations_of([motion], self._robot_name).tool_demonstrations(self._robot)[0]
+        return make_joint_demonstrations([motion], self._robot_name).tool_demonstrations(self._robot)[0]
 
     def _line(self, motion: Demonstration, own: Sequence[Flaw], recording: Recording) -> str:
         """kept take_002: 6.2 s, 1.10 m; starts 30 mm and ends 8 mm from the nearest other."""

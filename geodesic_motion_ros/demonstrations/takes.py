@@ -8,14 +8,14 @@ from enum import Enum
 
 import numpy as np
 
-from geodesic_motion_ros.demonstrations.checks import columns, times_in_seconds
+from geodesic_motion_ros.demonstrations.checks import check_columns, check_times
 from geodesic_motion_ros.demonstrations.column_names import POSITION, QUATERNION
 
 POSE = (*POSITION, *QUATERNION)
 
 
 class Action(Enum):
-    """What is done about a flaw."""
+    """The treatment of a flaw."""
 
     KEPT = "kept"
     REPAIRED = "repaired"
@@ -76,23 +76,23 @@ class Take:
     in_one_go: bool = False
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "times", times_in_seconds(self.times, self.name))
-        object.__setattr__(self, "values", columns(self.values, self.names, self.name, self.times))
+        object.__setattr__(self, "times", check_times(self.times, self.name))
+        object.__setattr__(self, "values", check_columns(self.values, self.names, self.name, self.times))
 
     def __len__(self) -> int:
         return len(self.times)
 
     @property
-    def of_joints(self) -> bool:
+    def is_of_joints(self) -> bool:
         """Whether the columns are joints."""
         return self.names[0] not in POSITION
 
     def part(self, samples: slice | np.ndarray, name: str | None = None) -> Take:
-        """Those samples alone, under another name if one is given."""
+        """Cut the take to some samples, under another name if one is given."""
         return replace(self, times=self.times[samples], values=self.values[samples], name=name or self.name)
 
 
-def per_column(sizes: Mapping[str, float], names: Sequence[str]) -> np.ndarray:
-    """One size (C,) for each column, out of those of "joint", "position" and "quaternion"."""
+def sizes_by_column(sizes: Mapping[str, float], names: Sequence[str]) -> np.ndarray:
+    """Look up one size (C,) for each column, among those of "joint", "position" and "quaternion"."""
     kinds = ("position" if name in POSITION else "quaternion" if name in QUATERNION else "joint" for name in names)
     return np.array([sizes[kind] for kind in kinds])

@@ -14,7 +14,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from geodesic_motion_ros.demonstrations.column_names import elements_of, place_of, unit_called
+from geodesic_motion_ros.demonstrations.column_names import find_elements, find_place, read_unit
 from geodesic_motion_ros.demonstrations.recorded_tables import LARGEST_RECORDING
 from geodesic_motion_ros.utils.checked_files import brief, opened
 from geodesic_motion_ros.utils.errors import DemonstrationError, FileError
@@ -46,8 +46,8 @@ class CellTable:
     places: Sequence[str]
 
 
-def text_cells(path: Path, wanted: Collection[str]) -> CellTable:
-    """The cells of a text file.
+def read_cells(path: Path, wanted: Collection[str]) -> CellTable:
+    """Read the cells of a text file.
 
     wanted : names of columns that are needed; the header is the first line that has them all.
 
@@ -72,7 +72,7 @@ def text_cells(path: Path, wanted: Collection[str]) -> CellTable:
     else:
         at, separator, names = found
         rows = lines[at + 1 :]
-        units = tuple(map(unit_called, _cells(rows[0][1], separator))) if rows else ()
+        units = tuple(map(read_unit, _cells(rows[0][1], separator))) if rows else ()
         if any(units) and not any(map(_is_number, _cells(rows[0][1], separator))):
             rows = rows[1:]
         else:
@@ -95,7 +95,7 @@ def _header(
         for text in dict.fromkeys((line.lstrip("#").strip(), line.lstrip("#%").strip(), line)):
             for separator in _SEPARATORS:
                 names = _cells(text, separator)
-                if all(place_of(names, name) is not None or elements_of(names, name) for name in wanted):
+                if all(find_place(names, name) is not None or find_elements(names, name) for name in wanted):
                     while names and not names[-1]:
                         names.pop()
                     return at, separator, tuple(names)
@@ -103,7 +103,7 @@ def _header(
 
 
 def _refuse_absent(names: list[str], wanted: Collection[str], path: Path) -> None:
-    absent = next(name for name in wanted if place_of(names, name) is None)
+    absent = next(name for name in wanted if find_place(names, name) is None)
     many = "more than once" if absent in names else "not"
     raise DemonstrationError(
         f"{path}: column {brief(absent)} is {many} there; there are {brief(', '.join(names), 300)}"

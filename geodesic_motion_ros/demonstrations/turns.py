@@ -18,8 +18,8 @@ TURN = 2.0 * np.pi
 CLOSE = 1.0
 
 
-def unwrapped(take: Take, robot: Robot) -> tuple[Take, list[Flaw]]:
-    """The take with steps of whole turns taken out, and what was found.
+def unwrap_turns(take: Take, robot: Robot) -> tuple[Take, list[Flaw]]:
+    """Take steps of whole turns out of a take; with what was found.
 
     Only of joints that have room for it: the limits of the robot hold for the result.
     """
@@ -37,8 +37,8 @@ def unwrapped(take: Take, robot: Robot) -> tuple[Take, list[Flaw]]:
     return replace(take, values=np.where(passed, values, take.values)), [flaw]
 
 
-def aligned(motions: Sequence[Take], robot: Robot) -> tuple[list[Take], list[Flaw]]:
-    """Motions whose joints without an end lie within half a turn of those of the first one, and what was found."""
+def align_turns(motions: Sequence[Take], robot: Robot) -> tuple[list[Take], list[Flaw]]:
+    """Move joints without an end to within half a turn of those of the first motion; with what was found."""
     moved, flaws = [], []
     endless = np.isinf(robot.lower) & np.isinf(robot.upper)
     for motion in motions:

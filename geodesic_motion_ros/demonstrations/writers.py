@@ -30,7 +30,7 @@ def save_demonstrations(demonstrations: Demonstrations, path: str | Path) -> Non
     ------
     DemonstrationError : the path does not end in .npz or cannot be written; the numbers of samples differ.
     """
-    path = checked_suffix(path, (".npz",))
+    path = check_suffix(path, (".npz",))
     arrays = {
         "positions": demonstrations.positions_array(),
         "times": np.stack([item.times for item in demonstrations]),
@@ -51,7 +51,7 @@ def save_joint_demonstrations(demonstrations: JointDemonstrations, path: str | P
     ------
     DemonstrationError : the path ends otherwise or cannot be written; `.npz`: the numbers of samples differ.
     """
-    path = checked_suffix(path, JOINT_SUFFIXES)
+    path = check_suffix(path, JOINT_SUFFIXES)
     if path.suffix.lower() == ".csv":
         rows = [(item.name, item.times, item.configurations) for item in demonstrations]
         with _written(path) as part:
@@ -75,12 +75,12 @@ def save_take(take: Take, path: str | Path) -> None:
     ------
     DemonstrationError : the path ends otherwise or cannot be written.
     """
-    with _written(checked_suffix(path, (".csv",))) as part:
+    with _written(check_suffix(path, (".csv",))) as part:
         _write_rows(part, take.names, [(take.name, take.times, take.values)])
 
 
-def checked_suffix(path: str | Path, suffixes: tuple[str, ...]) -> Path:
-    """A path that ends in one of the suffixes; DemonstrationError otherwise."""
+def check_suffix(path: str | Path, suffixes: tuple[str, ...]) -> Path:
+    """Refuse a path that ends in none of the suffixes: DemonstrationError; else it is returned."""
     path = Path(path)
     if path.suffix.lower() not in suffixes:
         raise DemonstrationError(

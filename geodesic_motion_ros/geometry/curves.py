@@ -36,7 +36,7 @@ class PoseCurve:
     def goal(self) -> Pose:
         return self.positions[-1], self.quaternions[-1]
 
-    def resampled(self, samples: int) -> PoseCurve:
+    def resample(self, samples: int) -> PoseCurve:
         """The same curve at `samples` points, equally spaced in arc length of the positions."""
         return PoseCurve(
             *interpolate(

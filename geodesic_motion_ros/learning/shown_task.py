@@ -11,9 +11,9 @@ from geodesic_motion_ros.demonstrations.canonical import (
     CanonicalForm,
     ConfigurationForm,
     PoseForm,
-    configuration_curves,
     mean_ends,
-    pose_curves,
+    sample_configurations,
+    sample_poses,
 )
 from geodesic_motion_ros.demonstrations.demonstrations import Demonstrations
 from geodesic_motion_ros.demonstrations.joint_demonstrations import JointDemonstrations
@@ -105,7 +105,7 @@ class ShownPoses(ShownTask):
         self, demonstrations: Demonstrations, settings: TrainingSettings | None = None, robot: str | None = None
     ) -> None:
         self.settings = settings or TrainingSettings()
-        self._demonstrations = demonstrations.in_one_hemisphere()
+        self._demonstrations = demonstrations.align_hemispheres()
         self.names, self.frame = [item.name for item in demonstrations], demonstrations.frame
         self.robot = robot or DEFAULT_ROBOT
         self.likelihood = PoseLikelihood(self.settings)
@@ -137,10 +137,10 @@ class ShownPoses(ShownTask):
         """The arc counts turning as well (`curves.pose_arc_length`): with positions alone, a tool that turns nearly on
         the spot would leave gaps of ten degrees and more between neighbouring samples.
         """
-        return pose_curves(self._demonstrations, samples, self.settings.rotation_length)
+        return sample_poses(self._demonstrations, samples, self.settings.rotation_length)
 
     def _raw_code_curves(self) -> Curves:
-        even = self._demonstrations.resampled(CODE_SAMPLES)
+        even = self._demonstrations.resample(CODE_SAMPLES)
         return even.positions_array(), even.quaternions_array()
 
 
@@ -182,4 +182,4 @@ class ShownConfigurations(ShownTask):
         return graph.transported(JointOffsets.none(graph.robot, graph.mean_path_count)).energies()
 
     def _raw_curves(self, samples: int) -> Curves:
-        return configuration_curves(self._demonstrations, self._arm, self.settings.metric, samples)
+        return sample_configurations(self._demonstrations, self._arm, self.settings.metric, samples)

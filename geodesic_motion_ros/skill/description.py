@@ -1,4 +1,4 @@
-"""What the entries of a skill.yaml may be: every one is checked by its type and its range before it is used.
+"""The entries of a skill.yaml: every one is checked by its type and its range before it is used.
 
 The ranges are wide: each names a skill that works, several orders of magnitude away from those that were trained.
 """

@@ -1,4 +1,4 @@
-"""What is in a skill folder, read and checked: every file before it is parsed, every number before it is used."""
+"""The content of a skill folder, read and checked: every file before it is parsed, every number before it is used."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ _TRIED_CODES = 1000
 
 
 def read_folder(path: Path) -> dict[str, Any]:
-    """The attributes of the skill in a folder, by their names.
+    """Read the attributes of the skill in a folder, by their names.
 
     Raises
     ------

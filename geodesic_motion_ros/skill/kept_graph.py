@@ -40,9 +40,9 @@ _CODE = "geometry", "manifold", "robot"
 _SILENT_FOR = 2.0
 
 
-def kept_graph(name: str, recipe: Mapping[str, Any]) -> ConfigurationGraph:
-    """The graph that `build_configuration_graph` makes of a recipe, its arguments by name: read where it was kept,
-    made and kept where not.
+def read_or_build_graph(name: str, recipe: Mapping[str, Any]) -> ConfigurationGraph:
+    """Read the graph that `build_configuration_graph` makes of a recipe, its arguments by name; build and keep it where
+    none is kept.
 
     A line on standard error says when it takes long. name : of the skill, for that line.
 
@@ -51,7 +51,7 @@ def kept_graph(name: str, recipe: Mapping[str, Any]) -> ConfigurationGraph:
     SkillError where nothing of the box is supported.
     """
     folder = cache_folder()
-    file = None if folder is None else folder / "graphs" / f"{digest_of(recipe)}.npz"
+    file = None if folder is None else folder / "graphs" / f"{digest_recipe(recipe)}.npz"
     if file is not None and (graph := _read(file, recipe)) is not None:
         return graph
     with _announced(f"building the latent graph of {name}, once: this may take a minute"):
@@ -116,8 +116,8 @@ def _announced(text: str) -> Iterator[None]:
         timer.cancel()
 
 
-def digest_of(recipe: Mapping[str, Any]) -> str:
-    """A name for everything in a recipe, for the code that makes a graph and for the machine."""
+def digest_recipe(recipe: Mapping[str, Any]) -> str:
+    """Name everything in a recipe by a digest, with the code that makes a graph and for the machine."""
     hasher = hashlib.sha256(_made_by().encode())
     _add(hasher, dict(recipe))
     return hasher.hexdigest()

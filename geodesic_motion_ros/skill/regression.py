@@ -1,4 +1,4 @@
-"""Which demonstrations a query resembles: ridge regression on where the motion starts and ends.
+"""Ridge regression on starts and goals: the weights of the demonstrations that a query resembles.
 
 With centred features A (N, f) of the demonstrations and b (f,) of the query, the linear ridge regression of any
 quantity y_i of the demonstrations predicts sum_i w_i y_i with
@@ -36,7 +36,7 @@ FEWEST_DEMONSTRATIONS = 4
 
 
 def regression_weights(features: np.ndarray, query: np.ndarray, penalty: float) -> np.ndarray:
-    """w (N,), summing to 1 and not all positive, for features (N, f), a query (f,) and a penalty, inf for the mean."""
+    """Compute w (N,), of sum 1, not all positive, from features (N, f), a query (f,) and a penalty; inf: the mean."""
     count = len(features)
     mean = np.full(count, 1.0 / count)
     centred = features - features.mean(axis=0)
@@ -49,7 +49,7 @@ def regression_weights(features: np.ndarray, query: np.ndarray, penalty: float) 
 
 
 def regression_penalty(features: np.ndarray, curves: np.ndarray) -> float:
-    """Penalty of the regression that the demonstrations speak for; inf where chance gains as much.
+    """Choose the penalty of the regression that the demonstrations speak for; inf where chance gains as much.
 
     The gain on a demonstration is the mean distance of its curve from the mean of the others, less that from their
     regression. At most LEVEL of SHUFFLES shuffled gains, each with the best penalty of its own, may reach the best.

@@ -99,19 +99,19 @@ class DemonstratedEnds(ABC):
 
     @property
     def scale(self) -> np.ndarray:
-        """What each of an offset's D numbers counts where offsets are compared, (D,)."""
+        """Scale (D,) of an offset's numbers where offsets are compared."""
         return np.ones(self.start_offsets.shape[1])
 
     def features(self) -> np.ndarray:
-        """What the regression knows of each demonstration, (N, 2 D): its two offsets, scaled."""
+        """Make the features (N, 2 D) of the regression: the two offsets of each demonstration, scaled."""
         return self.end_features(self.start_offsets, self.goal_offsets)
 
     def end_features(self, start_offsets: np.ndarray, goal_offsets: np.ndarray) -> np.ndarray:
-        """Both offsets (..., D) side by side, scaled, (..., 2 D)."""
+        """Put both offsets (..., D) side by side, scaled, (..., 2 D)."""
         return np.concatenate([self.scale * start_offsets, self.scale * goal_offsets], axis=-1)
 
     def weights(self, start_offset: np.ndarray, goal_offset: np.ndarray, conditioned: bool) -> np.ndarray:
-        """Weights (K, N) of the demonstrations in every mode for a query's offsets (D,), (D,); each row sums to 1.
+        """Weigh the demonstrations (K, N) in every mode for a query's offsets (D,), (D,); each row sums to 1.
 
         Unconditioned, or where the sheet does not regress, all demonstrations of a mode weigh the same.
         """
@@ -150,7 +150,7 @@ class CanonicalSheet(DemonstratedEnds):
 
     @property
     def scale(self) -> np.ndarray:
-        """Rotations count in metres."""
+        """Scale (6,) by which rotations count in metres."""
         return POSE_SCALE
 
     @property
@@ -158,14 +158,14 @@ class CanonicalSheet(DemonstratedEnds):
         return self.positions, self.quaternions
 
     def mean_curves(self, weights: np.ndarray) -> tuple[np.ndarray, ...]:
-        return np.einsum("kn,nsj->ksj", weights, self.positions), self._rotations.blended(weights)
+        return np.einsum("kn,nsj->ksj", weights, self.positions), self._rotations.blend(weights)
 
     @cached_property
     def _rotations(self) -> RotationCurves:
         return RotationCurves.of(self.quaternions)
 
     def corrections(self, decoder: TaskSpaceDecoder, mean_paths: MeanPaths, weights: np.ndarray) -> np.ndarray:
-        """What the decoder lacks on the mean paths to be the demonstrations' weighted means, (K, S, 6)."""
+        """Take what the decoder lacks on the mean paths to be the weighted means, (K, S, 6) [m], [rad]."""
         positions, quaternions = self.mean_curves(weights)
         count, samples, dimension = mean_paths.centres.shape
         decoded = decoder.decode(mean_paths.centres.reshape(-1, dimension))
@@ -230,18 +230,18 @@ class RotationCurves:
 
     @classmethod
     def of(cls, quaternions: np.ndarray) -> RotationCurves:
-        """From quaternions (N, T, 4), blind to their signs."""
+        """Take curves about their mean from quaternions (N, T, 4), blind to their signs."""
         middle = continuous_signs(mean_rotation(quaternions))
         return cls(middle, rotation_vector_between(np.broadcast_to(middle, quaternions.shape), quaternions))
 
-    def blended(self, weights: np.ndarray) -> np.ndarray:
-        """Weighted means (B, T, 4), for weights (B, N) with rows that sum to 1, of the rotation vectors."""
+    def blend(self, weights: np.ndarray) -> np.ndarray:
+        """Average the rotation vectors with weights (B, N), rows sum to 1, into quaternions (B, T, 4)."""
         turns = np.einsum("bn,ntj->btj", weights, self.turns)
         return rotate_by(turns, np.broadcast_to(self.middle, (len(weights), *self.middle.shape)))
 
 
 def beyond_demonstrated(offset: np.ndarray, demonstrated: np.ndarray, scale: np.ndarray = POSE_SCALE) -> np.ndarray:
-    """What of an offset (D,) lies outside the convex hull of demonstrated ones (N, D), as an offset (D,).
+    """Take from an offset (D,) the part outside the convex hull of demonstrated ones (N, D), as an offset (D,).
 
     `scale` (D,) tells what each number counts.
     """

@@ -40,7 +40,7 @@ from geodesic_motion_ros.skill.description import (
     check_thresholds,
 )
 from geodesic_motion_ros.skill.folder import LARGEST_DESCRIPTION, LATENT_ARRAYS, read_folder
-from geodesic_motion_ros.skill.kept_graph import kept_graph
+from geodesic_motion_ros.skill.kept_graph import read_or_build_graph
 from geodesic_motion_ros.skill.sheet import CanonicalSheet, JointSheet
 from geodesic_motion_ros.skill.space import SPACES
 from geodesic_motion_ros.utils.checked_files import PlainDumper, brief
@@ -104,7 +104,7 @@ class LearnedModel:
 
     @property
     def mean_paths(self) -> MeanPaths | None:
-        """Where the demonstrations run on average; None on the raw sheet, and for a single demonstration."""
+        """Mean paths of the demonstrations; None on the raw sheet, and for a single demonstration."""
         if self.canonical is None or not self.canonical.has_mean_paths:
             return None
         return MeanPaths.of_codes(self.codes, self.canonical.modes)
@@ -113,7 +113,7 @@ class LearnedModel:
         self, shape: tuple[int, ...] | None = None, neighbours: int | None = None
     ) -> PoseGraph | ConfigurationGraph:
         """Decode the latent box into its graph, by default that of GRID_SHAPES and NEIGHBOURS: for a large one seconds,
-        which a skill takes once (`kept_graph`).
+        which a skill takes once (`read_or_build_graph`).
 
         Raises
         ------
@@ -169,8 +169,8 @@ class Skill(LearnedModel):
     scene: dict[str, Any] | None = None
 
     def mean_configuration(self, end: Literal["start", "goal"]) -> np.ndarray:
-        """The configuration (eta,) [rad] in which the first group of demonstrations starts, or ends, on average; on the
-        raw sheet the first demonstration. Of a skill of joint space.
+        """Return the mean start, or goal, (eta,) [rad] of the first group of demonstrations; on the raw sheet that of
+        the first demonstration. For skills of joint space.
         """
         if self.canonical is not None:
             return getattr(self.canonical, f"{end}_poles")[0].copy()
@@ -179,14 +179,14 @@ class Skill(LearnedModel):
 
     @classmethod
     def of(cls, model: LearnedModel, energy_per_edge: float, **attributes: Any) -> Skill:
-        """A skill of what was learned, with its other attributes by name; SkillError where no file could hold it."""
+        """Make a skill of what was learned, its other attributes by name; SkillError where no file could hold it."""
         check_thresholds({"sigma_support": model.sigma_support, "energy_per_edge": energy_per_edge})
         learned = {item.name: getattr(model, item.name) for item in fields(model)}
         return cls(**learned, energy_per_edge=energy_per_edge, **attributes)
 
     def _configuration_graph(self, **recipe: Any) -> ConfigurationGraph:
         """That of a trained skill is kept for the next program."""
-        return kept_graph(self.name, recipe)
+        return read_or_build_graph(self.name, recipe)
 
     def _energy_limit(self, shape: tuple[int, ...]) -> float:
         """energy_per_edge for edges of another grid: squared lengths grow with the square of the spacing."""
@@ -292,7 +292,7 @@ def _resolve(folder: str | os.PathLike[str]) -> Path:
 
 
 def shipped_skills() -> list[str]:
-    """The names of the skills that this installation has, sorted."""
+    """List the names of the skills that this installation has, sorted."""
     try:
         return sorted(file.parent.name for file in find_shared("models").glob("*/skill.yaml"))
     except GeodesicMotionError:

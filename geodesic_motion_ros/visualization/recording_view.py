@@ -56,7 +56,7 @@ def _draw_take(
     axes: Axes, take: Take, motions: Sequence[Take], left_out: frozenset[str], flaws: Sequence[Flaw]
 ) -> None:
     step = max(1, len(take) // _MOST_SAMPLES)
-    of_joints, beside = take.of_joints, None if take.of_joints or len(take.names) == 3 else axes.twinx()
+    of_joints, beside = take.is_of_joints, None if take.is_of_joints or len(take.names) == 3 else axes.twinx()
     for number, column in enumerate(take.values.T):
         drawn, style = (axes, "-") if of_joints or number < 3 else (beside, ":")
         drawn.plot(take.times[::step], column[::step], color=f"C{number % 10}", lw=0.9, ls=style)

@@ -164,8 +164,8 @@ def recordings_section(skill: Skill, recording: Recording | None) -> str:
             "from and not what was repaired, left out or refused. `geodesic-motion inspect RECORDING` shows that of a "
             "recording, and `train` writes it into the report of what it learns."
         )
-    described, learned = recording.described(), set(_names(skill))
-    refused = {flaw.demonstration for flaw in recording.refused}
+    described, learned = recording.describe(), set(_names(skill))
+    refused = {flaw.demonstration for flaw in recording.refusals}
     found: dict[str, set[Action]] = {}
     for flaw in recording.flaws:
         found.setdefault(flaw.demonstration, set()).add(flaw.action)
@@ -174,7 +174,7 @@ def recordings_section(skill: Skill, recording: Recording | None) -> str:
         name = row["name"]
         if name in refused:
             done = Action.REFUSED.value
-        elif name in recording.left_out:
+        elif name in recording.left_out_names:
             done = Action.LEFT_OUT.value
         elif name not in learned:
             done = "held out"
@@ -190,7 +190,7 @@ def recordings_section(skill: Skill, recording: Recording | None) -> str:
     long = len(recording.takes) < len(recording.motions)
     takes = [take for take in recording.takes if long or take.name in marked]
     picture = _drawn(
-        lambda path: draw_recording(takes, recording.motions, recording.left_out, recording.flaws, path)
+        lambda path: draw_recording(takes, recording.motions, recording.left_out_names, recording.flaws, path)
     )
     caption = "Positions over time, the demonstrations shaded, what was found as dashed lines"
     caption += f"; the first {MOST_TAKES} of {len(takes)} recordings." if len(takes) > MOST_TAKES else "."

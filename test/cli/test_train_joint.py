@@ -24,7 +24,7 @@ pytestmark = pytest.mark.usefixtures("brief_training")
 def joint_recording(reach_demonstrations, tmp_path_factory) -> Path:
     """Four demonstrations of each family, which differ halfway."""
     path = tmp_path_factory.mktemp("joints") / "reach.npz"
-    save_joint_demonstrations(evenly_sampled(reach_demonstrations.resampled(100, by="time")), path)
+    save_joint_demonstrations(evenly_sampled(reach_demonstrations.resample(100, by="time")), path)
     return path
 
 
@@ -138,7 +138,7 @@ def test_options_of_joints_are_refused_for_poses(recording, tmp_path, capsys) ->
 
 
 def test_an_arm_that_stands_still_is_refused_by_name(reach_demonstrations, tmp_path, capsys) -> None:
-    short = reach_demonstrations.resampled(50, by="time")
+    short = reach_demonstrations.resample(50, by="time")
     first = short[0].configurations
     still = replace(short[1], configurations=np.tile(first[0], (50, 1)), name="idle")
     save_joint_demonstrations(replace(short, items=(short[0], still, *short.items[2:])), tmp_path / "still.npz")

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from geodesic_motion_ros.demonstrations.bags import Source, chosen_source, is_bag, read_take, topics
+from geodesic_motion_ros.demonstrations.bags import Source, choose_source, is_bag, read_take, read_topics
 from geodesic_motion_ros.geometry.quaternions import multiply, rotate, rotate_by
 from geodesic_motion_ros.utils.errors import DemonstrationError
 
@@ -26,7 +26,7 @@ def joint_messages(received=TIMES, stamps=TIMES, values=VALUES, names=NAMES) -> 
 
 
 def joints_of(path: Path, **more):
-    return read_take(path, chosen_source(path, None)[0], NAMES, **more)
+    return read_take(path, choose_source(path, None)[0], NAMES, **more)
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -46,7 +46,7 @@ def test_joints_are_read_by_name_whatever_their_order_and_what_is_beside_them(ki
     np.testing.assert_allclose(read.take.times, TIMES - TIMES[0], atol=1e-6)
     assert read.take.names == NAMES
     assert read.flaws == ()
-    assert [(topic.name, topic.count) for topic in topics(path)] == [("/joint_states", 69), ("/mark", 1)]
+    assert [(topic.name, topic.count) for topic in read_topics(path)] == [("/joint_states", 69), ("/mark", 1)]
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -54,7 +54,7 @@ def test_poses_are_read_scalar_first_and_continuous(kind, bag, tmp_path) -> None
     poses = [np.append([0.4, 0.01 * number, 0.3], TURN * (-1) ** number) for number in range(60)]
     messages = [(time, time, ("base", pose)) for time, pose in zip(TIMES, poses, strict=True)]
     path = bag.write(tmp_path / kind, {"/pose": messages})
-    take = read_take(path, chosen_source(path, None)[0]).take
+    take = read_take(path, choose_source(path, None)[0]).take
     np.testing.assert_allclose(take.values[:, :3], np.array(poses)[:, :3], atol=1e-12)
     np.testing.assert_allclose(take.values[:, 3:], np.tile(TURN, (60, 1)), atol=1e-12)
 
@@ -66,7 +66,7 @@ def test_transforms_are_composed_through_the_frames_between(kind, bag, tmp_path)
                 for time, pose in zip(TIMES, moving, strict=True)]
     static = [(TIMES[0], TIMES[0], [("link", "tool", np.append([0.0, 0.0, 0.1], TURN))])]
     path = bag.write(tmp_path / kind, {"/tf": messages, "/tf_static": static})
-    take = read_take(path, chosen_source(path, "/tf:base:tool")[0]).take
+    take = read_take(path, choose_source(path, "/tf:base:tool")[0]).take
     reached = np.array([pose[:3] + rotate(TURN, np.array([0.0, 0.0, 0.1])) for pose in moving])
     np.testing.assert_allclose(take.values[:, :3], reached, atol=1e-9)
     np.testing.assert_allclose(np.abs(take.values[:, 3:] @ multiply(TURN, TURN)), 1.0, atol=1e-9)
@@ -248,7 +248,7 @@ def test_what_is_missing_is_named_beside_what_is_there(bag, tmp_path) -> None:
         ("/joint_states:base", r"give a topic, as /joint_states, or for transforms /tf:BASE_FRAME:TOOL_FRAME"),
     ):
         with pytest.raises(DemonstrationError, match=message):
-            chosen_source(path, requested)
+            choose_source(path, requested)
     with pytest.raises(DemonstrationError, match=r"no message has elbow; the joints there are 'left, right, wrist'"):
         read_take(path, Source("/other"), ("left", "elbow"))
     with pytest.raises(DemonstrationError, match="are they those of another robot"):
@@ -289,5 +289,5 @@ def test_what_is_no_bag_is_refused(tmp_path) -> None:
         ("part.db3.zstd", rf"is a compressed file of a bag: give its folder, {tmp_path}"),
     ):  # fmt: skip
         with pytest.raises(DemonstrationError, match=message):
-            topics(tmp_path / name)
+            read_topics(tmp_path / name)
     assert not is_bag(tmp_path / "empty")

@@ -85,7 +85,7 @@ def test_too_few_samples_are_refused(samples):
 @pytest.mark.parametrize("by", ["arc_length", "time"])
 def test_resampling_keeps_ends_and_spaces_samples_equally(by):
     shown = demonstration(400)
-    resampled = shown.resampled(60, by)
+    resampled = shown.resample(60, by)
     assert len(resampled) == 60
     np.testing.assert_allclose(resampled.positions[[0, -1]], shown.positions[[0, -1]], atol=1e-12)
     np.testing.assert_allclose(resampled.times[[0, -1]], shown.times[[0, -1]], atol=1e-12)
@@ -96,27 +96,27 @@ def test_resampling_keeps_ends_and_spaces_samples_equally(by):
 
 def test_resampling_to_the_own_instants_changes_nothing():
     shown = demonstration(times=np.arange(50) / 100.0)
-    again = shown.resampled(50, by="time")
+    again = shown.resample(50, by="time")
     np.testing.assert_allclose(again.positions, shown.positions, atol=1e-12)
     np.testing.assert_allclose(again.quaternions, shown.quaternions, atol=1e-12)
 
 
 def test_bad_resampling_is_refused():
     with pytest.raises(DemonstrationError, match="at least 2"):
-        demonstration().resampled(1)
+        demonstration().resample(1)
     with pytest.raises(DemonstrationError, match="'arc_length' or 'time'"):
-        demonstration().resampled(10, by="phase")
+        demonstration().resample(10, by="phase")
     still = demonstration(positions=np.full((50, 3), 0.3))
     with pytest.raises(DemonstrationError, match=r"'pour_1' moves 0 mm in all.*resample by 'time'"):
-        still.resampled(10)
-    assert len(still.resampled(10, by="time")) == 10
+        still.resample(10)
+    assert len(still.resample(10, by="time")) == 10
 
 
 def test_stacked_arrays_need_equal_lengths():
     uneven = Demonstrations((demonstration(50), demonstration(60)))
     with pytest.raises(DemonstrationError, match="between 50 and 60 samples: resample them first"):
         uneven.positions_array()
-    even = uneven.resampled(40)
+    even = uneven.resample(40)
     assert even.positions_array().shape == (2, 40, 3)
     assert even.quaternions_array().shape == (2, 40, 4)
 
@@ -154,7 +154,7 @@ def test_bad_splits_are_refused(held_out, message):
 def test_one_hemisphere_flips_whole_demonstrations_only():
     flipped = demonstration(70, quaternions=-arrays(70)["quaternions"])
     mixed = Demonstrations((demonstration(), flipped, demonstration(30)))
-    aligned = mixed.in_one_hemisphere()
+    aligned = mixed.align_hemispheres()
     np.testing.assert_array_equal(aligned[0].quaternions, mixed[0].quaternions)
     # Only the sign changes, but for the rounding of a second normalisation.
     np.testing.assert_allclose(aligned[1].quaternions, -flipped.quaternions, rtol=0.0, atol=1e-15)

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from geodesic_motion_ros.demonstrations.canonical import ConfigurationForm, along_body_arc
+from geodesic_motion_ros.demonstrations.canonical import ConfigurationForm, sample_body_arc
 from geodesic_motion_ros.demonstrations.joint_demonstrations import JointDemonstration, JointDemonstrations
 from geodesic_motion_ros.manifold.configuration_graph import JointMetricSettings
 from geodesic_motion_ros.manifold.joint_transport import JointOffsets
@@ -24,7 +24,7 @@ def form(reach_demonstrations):
 
 
 def test_samples_are_equally_far_apart_on_the_body(reach_demonstrations):
-    path = along_body_arc(reach_demonstrations[0].configurations, ROBOT, METRIC, 60)
+    path = sample_body_arc(reach_demonstrations[0].configurations, ROBOT, METRIC, 60)
     body = METRIC.body_points(ROBOT)
     points = place_body_points(path, body.frames, body.offsets, ROBOT.chain)
     moved = np.sum(np.diff(points, axis=0) ** 2, axis=-1).mean(axis=1)
@@ -41,7 +41,7 @@ def test_canonical_demonstrations_begin_and_end_at_the_poles(form):
 def test_adding_the_offsets_returns_the_demonstrations(form, reach_demonstrations):
     s = np.linspace(0.0, 1.0, 60)
     for number, item in enumerate(reach_demonstrations):
-        shown = along_body_arc(item.configurations, ROBOT, METRIC, 60)
+        shown = sample_body_arc(item.configurations, ROBOT, METRIC, 60)
         start, goal = form.start_poles[form.start_groups[number]], form.goal_poles[form.goal_groups[number]]
         np.testing.assert_allclose(form.start_offsets[number], shown[0] - start, atol=1e-12)
         offsets = JointOffsets.between(ROBOT, np.stack([start, goal]), shown[[0, -1]])

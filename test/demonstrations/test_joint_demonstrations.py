@@ -66,7 +66,7 @@ def test_length_is_that_of_the_path_through_joint_space():
 
 
 def test_resampling_by_arc_length_spaces_samples_equally_in_joint_space():
-    even = demonstration(400).resampled(80)
+    even = demonstration(400).resample(80)
     steps = np.linalg.norm(np.diff(even.configurations, axis=0), axis=1)
     np.testing.assert_allclose(steps, steps.mean(), rtol=1e-3)
     np.testing.assert_allclose(even.configurations[[0, -1]], demonstration(400).configurations[[0, -1]], atol=1e-12)
@@ -75,7 +75,7 @@ def test_resampling_by_arc_length_spaces_samples_equally_in_joint_space():
 
 def test_resampling_by_time_spaces_times_equally_and_stays_on_the_path():
     shown = demonstration(400)
-    even = shown.resampled(30, by="time")
+    even = shown.resample(30, by="time")
     np.testing.assert_allclose(np.diff(even.times), 2.0 / 29.0)
     for time, configuration in zip(even.times, even.configurations, strict=True):
         nearest = np.argmin(np.abs(shown.times - time))
@@ -84,20 +84,20 @@ def test_resampling_by_time_spaces_times_equally_and_stays_on_the_path():
 
 def test_a_pause_of_the_arm_takes_no_arc_length():
     configurations = np.repeat([[0.0], [0.5], [1.0]], [1, 30, 1], axis=0)
-    paused = demonstration(configurations=configurations, times=np.arange(32.0)).resampled(5)
+    paused = demonstration(configurations=configurations, times=np.arange(32.0)).resample(5)
     np.testing.assert_allclose(paused.configurations[:, 0], [0.0, 0.25, 0.5, 0.75, 1.0])
     assert np.all(np.diff(paused.times) > 0.0)
 
 
 def test_bad_resampling_is_refused():
     with pytest.raises(DemonstrationError, match="at least 2"):
-        demonstration().resampled(1)
+        demonstration().resample(1)
     with pytest.raises(DemonstrationError, match="'arc_length' or 'time'"):
-        demonstration().resampled(10, by="phase")
+        demonstration().resample(10, by="phase")
     still = demonstration(configurations=np.full((50, 7), 0.3))
     with pytest.raises(DemonstrationError, match=r"'reach_1' moves 0 rad in all.*resample by 'time'"):
-        still.resampled(10)
-    assert len(still.resampled(10, by="time")) == 10
+        still.resample(10)
+    assert len(still.resample(10, by="time")) == 10
 
 
 def test_a_task_counts_stacks_and_splits_its_demonstrations():
@@ -106,7 +106,7 @@ def test_a_task_counts_stacks_and_splits_its_demonstrations():
     assert [item.name for item in shown] == ["0", "1", "2", "3"]
     with pytest.raises(DemonstrationError, match="between 50 and 53 samples: resample them first"):
         shown.configurations_array()
-    assert shown.resampled(40).configurations_array().shape == (4, 40, 7)
+    assert shown.resample(40).configurations_array().shape == (4, 40, 7)
     train, held_out = shown.split([2, 0])
     assert [item.name for item in train] == ["1", "3"]
     assert [held_out[0].name, held_out[1].name] == ["2", "0"]

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from geodesic_motion_ros.demonstrations.mapped_tables import mapped_tables
-from geodesic_motion_ros.demonstrations.readers import joint_takes, pose_takes
+from geodesic_motion_ros.demonstrations.mapped_tables import read_mapped_tables
+from geodesic_motion_ros.demonstrations.readers import read_joint_takes, read_pose_takes
 from geodesic_motion_ros.demonstrations.takes import Action
 from geodesic_motion_ros.geometry.quaternions import to_rotation
 from geodesic_motion_ros.utils.errors import DemonstrationError
@@ -30,7 +30,7 @@ def rows_of(*columns) -> list[tuple]:
 
 def check_joints(path, columns, times=TIMES, angles=ANGLES) -> list[str]:
     """The joints are those that were written; returns what was found."""
-    read = mapped_tables(path, columns, JOINTS)
+    read = read_mapped_tables(path, columns, JOINTS)
     (table,) = read.tables.values()
     np.testing.assert_allclose(np.stack([table[name] for name in JOINTS], axis=1), angles, atol=1e-9)
     if times is not None:
@@ -64,7 +64,7 @@ def test_text_of_spreadsheets(kind, encoding, tmp_path) -> None:
 def test_a_header_in_the_encoding_of_windows(tmp_path) -> None:
     lines = [f"{t:.9f};{a:.9f};{b:.9f}" for t, a, b in np.column_stack([TIMES, np.degrees(ANGLES)])]
     (tmp_path / "log.csv").write_text("\n".join(["t;q1 [°];q2 [°]", *lines]), encoding="cp1252")
-    assert mapped_tables(tmp_path / "log.csv", "t,a=q1,b=q2", JOINTS).unit == "deg"
+    assert read_mapped_tables(tmp_path / "log.csv", "t,a=q1,b=q2", JOINTS).unit == "deg"
 
 
 @pytest.mark.parametrize(
@@ -99,7 +99,7 @@ def test_seconds_are_left_as_they_are_and_late_ones_counted_from_the_first(tmp_p
 @pytest.mark.parametrize("form", ["2026-11-26 23:59:{:09.6f}", "2026-11-26T23:59:{:09.6f}Z", "12:59:{:09.6f}"])
 def test_dates_and_times_of_day(form, tmp_path) -> None:
     written(tmp_path / "log.csv", ("stamp", "q1", "q2"), rows_of([form.format(t) for t in TIMES], *ANGLES.T))
-    read = mapped_tables(tmp_path / "log.csv", "t=stamp,a=q1,b=q2", JOINTS)
+    read = read_mapped_tables(tmp_path / "log.csv", "t=stamp,a=q1,b=q2", JOINTS)
     (table,) = read.tables.values()
     np.testing.assert_allclose(table["t"] - table["t"][0], TIMES, atol=2e-6)
 
@@ -109,12 +109,12 @@ def test_stamps_in_two_columns_without_a_header(tmp_path) -> None:
     now = 1_790_000_000_950_000_000 + (1e9 * TIMES).astype(int)
     rows = rows_of(now // 10**9, now % 10**9, ["base"] * 40, *PLACES.T, *QUATERNIONS[:, [1, 2, 3, 0]].T)
     written(tmp_path / "echo.csv", None, rows)
-    (take,) = pose_takes(tmp_path / "echo.csv", "m", "sec,nanosec,frame,px,py,pz,qx,qy,qz,qw")
+    (take,) = read_pose_takes(tmp_path / "echo.csv", "m", "sec,nanosec,frame,px,py,pz,qx,qy,qz,qw")
     np.testing.assert_allclose(take.times, TIMES, atol=1e-6)
     np.testing.assert_allclose(take.values, np.hstack([PLACES, QUATERNIONS]), atol=1e-12)
     assert take.in_one_go
     with pytest.raises(DemonstrationError, match=r"no header, and 10 columns; --columns names 9"):
-        pose_takes(tmp_path / "echo.csv", "m", "sec,nanosec,px,py,pz,qx,qy,qz,qw")
+        read_pose_takes(tmp_path / "echo.csv", "m", "sec,nanosec,px,py,pz,qx,qy,qz,qw")
 
 
 def test_columns_of_a_pattern_and_the_index_of_a_table(tmp_path) -> None:
@@ -138,7 +138,7 @@ def test_rows_of_other_topics_are_passed_over_and_lost_values_stated(tmp_path) -
 def test_a_column_of_demonstrations_is_found(called, tmp_path) -> None:
     numbers = np.repeat([0, 1], 20)
     written(tmp_path / "log.csv", ("t", "q1", "q2", called, "phase"), rows_of(TIMES, *ANGLES.T, numbers, numbers))
-    read = mapped_tables(tmp_path / "log.csv", "t,a=q1,b=q2", JOINTS)
+    read = read_mapped_tables(tmp_path / "log.csv", "t,a=q1,b=q2", JOINTS)
     assert (list(read.tables), read.in_one_go) == (["0", "1"], False)
     np.testing.assert_array_equal(read.tables["1"]["a"], ANGLES[20:, 0])
 
@@ -147,12 +147,12 @@ def test_times_that_begin_again_begin_a_demonstration(tmp_path) -> None:
     """The control: one time that falls is a wrong one."""
     times = np.tile(TIMES[:20], 2)
     written(tmp_path / "log.csv", ("t", "q1", "q2"), rows_of(times, *ANGLES.T))
-    read = mapped_tables(tmp_path / "log.csv", "t,a=q1,b=q2", JOINTS)
+    read = read_mapped_tables(tmp_path / "log.csv", "t,a=q1,b=q2", JOINTS)
     assert (list(read.tables), read.in_one_go) == (["log_0", "log_1"], False)
     assert [flaw.what for flaw in read.found] == ["has times that begin again 1 times"]
     wrong = np.where(np.arange(40) == 9, 0.0, TIMES)
     written(tmp_path / "log.csv", ("t", "q1", "q2"), rows_of(wrong, *ANGLES.T))
-    assert mapped_tables(tmp_path / "log.csv", "t,a=q1,b=q2", JOINTS).in_one_go
+    assert read_mapped_tables(tmp_path / "log.csv", "t,a=q1,b=q2", JOINTS).in_one_go
 
 
 def test_degrees_by_the_header_or_as_it_is_said(tmp_path) -> None:
@@ -166,9 +166,9 @@ def test_degrees_by_the_header_or_as_it_is_said(tmp_path) -> None:
         written(tmp_path / "log.csv", header, np.degrees(angles))
         if unit == " [rad]":
             with pytest.raises(DemonstrationError, match="columns are in rad, by their names; --units says deg"):
-                joint_takes(tmp_path / "log.csv", "panda", columns=columns, units=said)
+                read_joint_takes(tmp_path / "log.csv", "panda", columns=columns, units=said)
             continue
-        (take,) = joint_takes(tmp_path / "log.csv", "panda", columns=columns, units=said)
+        (take,) = read_joint_takes(tmp_path / "log.csv", "panda", columns=columns, units=said)
         np.testing.assert_allclose(take.values, np.degrees(angles) if not (unit or said) else angles, atol=1e-12)
 
 
@@ -178,7 +178,7 @@ def test_rotation_vectors_are_orientations_without_jumps(tmp_path) -> None:
     axis = np.array([0.6, 0.8, 0.0])
     vectors = np.where((turns > np.pi)[:, None], (turns - 2.0 * np.pi)[:, None] * axis, turns[:, None] * axis)
     written(tmp_path / "ur.csv", [f"p{number}" for number in range(6)], rows_of(*PLACES.T, *vectors.T), " ")
-    (take,) = pose_takes(tmp_path / "ur.csv", "m", "px=p0,py=p1,pz=p2,rotvec_x=p3,rotvec_y=p4,rotvec_z=p5")
+    (take,) = read_pose_takes(tmp_path / "ur.csv", "m", "px=p0,py=p1,pz=p2,rotvec_x=p3,rotvec_y=p4,rotvec_z=p5")
     expected = np.column_stack([np.cos(turns / 2), np.sin(turns / 2)[:, None] * axis])
     np.testing.assert_allclose(np.abs(np.sum(take.values[:, 3:] * expected, axis=1)), 1.0, atol=1e-12)
     assert np.abs(np.diff(take.values[:, 3:], axis=0)).max() < 0.02
@@ -192,19 +192,19 @@ def test_matrices_in_rows_or_in_columns(order, tmp_path) -> None:
     cells = (matrices if order == "rows" else matrices.transpose(0, 2, 1)).reshape(40, 16)
     header = ("time", *(f"O_T_EE[{number}]" for number in range(16)))
     written(tmp_path / "franka.csv", header, rows_of(1e3 * TIMES, *cells.T))
-    (take,) = pose_takes(tmp_path / "franka.csv", "m", "t=time,matrix=O_T_EE")
+    (take,) = read_pose_takes(tmp_path / "franka.csv", "m", "t=time,matrix=O_T_EE")
     np.testing.assert_allclose(take.values[:, :3], PLACES, atol=1e-12)
     np.testing.assert_allclose(np.abs(np.sum(take.values[:, 3:] * QUATERNIONS, axis=1)), 1.0, atol=1e-9)
     assert [flaw.what for flaw in take.found] == ["has times in ms", "has matrices"]
     matrices[:, :3, 0] *= -1.0
     written(tmp_path / "franka.csv", header, rows_of(1e3 * TIMES, *matrices.reshape(40, 16).T))
     with pytest.raises(DemonstrationError, match="sample 0: its matrix is a left-handed frame"):
-        pose_takes(tmp_path / "franka.csv", "m", "t=time,matrix=O_T_EE")
+        read_pose_takes(tmp_path / "franka.csv", "m", "t=time,matrix=O_T_EE")
 
 
 def test_positions_alone_are_read_with_a_word_on_orientation(tmp_path) -> None:
     written(tmp_path / "log.csv", ("x", "y", "z"), PLACES)
-    (take,) = pose_takes(tmp_path / "log.csv", "m", "x,y,z")
+    (take,) = read_pose_takes(tmp_path / "log.csv", "m", "x,y,z")
     assert [flaw.what for flaw in take.found] == ["has positions alone", NO_TIMES]
     assert {flaw.action for flaw in take.found} == {Action.READ}
 
@@ -226,17 +226,17 @@ def test_positions_alone_are_read_with_a_word_on_orientation(tmp_path) -> None:
 def test_what_contradicts_itself_is_refused(header, columns, message, tmp_path) -> None:
     written(tmp_path / "log.csv", header.split(","), PLACES)
     with pytest.raises(DemonstrationError, match=message):
-        pose_takes(tmp_path / "log.csv", "m", columns)
+        read_pose_takes(tmp_path / "log.csv", "m", columns)
 
 
 @pytest.mark.parametrize(("vector", "kind"), [((90.0, 0.0, 45.0), "degrees, or"), ((3.1, 0.5, 2.0), "roll, pitch")])
 def test_angles_that_are_no_rotation_vectors_are_refused(vector, kind, tmp_path) -> None:
     written(tmp_path / "log.csv", ("x", "y", "z", "a", "b", "c"), [(*place, *vector) for place in PLACES])
     with pytest.raises(DemonstrationError, match=f"sample 0: the rotation vector is .* are these {kind}"):
-        pose_takes(tmp_path / "log.csv", "m", "x,y,z,rotvec_x=a,rotvec_y=b,rotvec_z=c")
+        read_pose_takes(tmp_path / "log.csv", "m", "x,y,z,rotvec_x=a,rotvec_y=b,rotvec_z=c")
     if vector[0] > 7.0:
         with pytest.raises(DemonstrationError, match=r"sample 0: roll is 90, .* as in roll \[deg\]"):
-            pose_takes(tmp_path / "log.csv", "m", "x,y,z,roll=a,pitch=b,yaw=c")
+            read_pose_takes(tmp_path / "log.csv", "m", "x,y,z,roll=a,pitch=b,yaw=c")
 
 
 @pytest.mark.parametrize("unit", ["rad", "deg"])
@@ -245,7 +245,7 @@ def test_roll_pitch_and_yaw_turn_about_fixed_axes_in_this_order(unit, tmp_path) 
     header = ("x", "y", "z", *(f"{name} [{unit}]" for name in ("roll", "pitch", "yaw")))
     numbers = np.degrees(turns) if unit == "deg" else turns
     written(tmp_path / "log.csv", header, rows_of(*PLACES.T, *numbers.T))
-    (take,) = pose_takes(tmp_path / "log.csv", "m", "x,y,z,roll,pitch,yaw")
+    (take,) = read_pose_takes(tmp_path / "log.csv", "m", "x,y,z,roll,pitch,yaw")
     for (roll, pitch, yaw), quaternion in zip(turns, take.values[:, 3:], strict=True):
         (c, s), (e, f), (g, h) = ((np.cos(angle), np.sin(angle)) for angle in (roll, pitch, yaw))
         about_x, about_y = np.array([[1, 0, 0], [0, c, -s], [0, s, c]]), np.array([[e, 0, f], [0, 1, 0], [-f, 0, e]])
@@ -262,8 +262,8 @@ def test_what_may_be_a_rotation_vector_or_angles_is_refused_until_it_is_said(hea
     written(tmp_path / "log.csv", header, rows_of(*PLACES.T, *turns.T))
     vector, angles = "rotvec_x=rx,rotvec_y=ry,rotvec_z=rz", "roll=rx,pitch=ry,yaw=rz"
     with pytest.raises(DemonstrationError, match=f"as of UR.? Then say {vector}.* Then say {angles}"):
-        pose_takes(tmp_path / "log.csv", "m", "x,y,z,rx,ry,rz")
-    said = [pose_takes(tmp_path / "log.csv", "m", f"x,y,z,{each}")[0].values[:, 3:] for each in (vector, angles)]
+        read_pose_takes(tmp_path / "log.csv", "m", "x,y,z,rx,ry,rz")
+    said = [read_pose_takes(tmp_path / "log.csv", "m", f"x,y,z,{each}")[0].values[:, 3:] for each in (vector, angles)]
     assert np.abs(np.sum(said[0] * said[1], axis=1)).max() < np.cos(0.1)
 
 
@@ -271,7 +271,7 @@ def test_joints_may_be_called_like_angles(tmp_path) -> None:
     joints = ("roll", "pitch", "yaw")
     angles = np.column_stack([ANGLES, ANGLES[:, 0]])
     written(tmp_path / "log.csv", ("q1 [deg]", "q2 [deg]", "q3 [deg]"), np.degrees(angles))
-    read = mapped_tables(tmp_path / "log.csv", "roll=q1,pitch=q2,yaw=q3", joints)
+    read = read_mapped_tables(tmp_path / "log.csv", "roll=q1,pitch=q2,yaw=q3", joints)
     (table,) = read.tables.values()
     np.testing.assert_allclose(np.stack([table[name] for name in joints], axis=1), np.degrees(angles), atol=1e-9)
     assert read.unit == "deg"
@@ -292,10 +292,10 @@ def test_a_column_of_another_name_that_changes_where_the_motion_jumps_is_asked_a
     path = glued(tmp_path, halves)
     said = "between line 41 and line 42, where column 'run' changes.* say demonstration=run in --columns"
     with pytest.raises(DemonstrationError, match=said):
-        pose_takes(path, "m", columns)
-    assert [take.name for take in pose_takes(path, "m", f"{columns},demonstration=run")] == ["7", "8"]
+        read_pose_takes(path, "m", columns)
+    assert [take.name for take in read_pose_takes(path, "m", f"{columns},demonstration=run")] == ["7", "8"]
     for labels, offset in ((halves, 0.0), (np.arange(80) // 20, 0.54), (np.arange(80), 0.54), (np.zeros(80), 0.54)):
-        (take,) = pose_takes(glued(tmp_path, labels, offset=offset), "m", columns)
+        (take,) = read_pose_takes(glued(tmp_path, labels, offset=offset), "m", columns)
         assert take.in_one_go
 
 
@@ -303,10 +303,10 @@ def test_a_column_that_changes_where_nothing_was_recorded_is_asked_about(tmp_pat
     times = 0.05 * np.arange(80) + np.repeat([0.0, 1.5], 40)
     path = glued(tmp_path, np.repeat(["a", "b"], 40), times, offset=0.0)
     with pytest.raises(DemonstrationError, match="where column 'run' changes"):
-        pose_takes(path, "m", "t,x,y,z")
+        read_pose_takes(path, "m", "t,x,y,z")
 
 
 def test_decimal_commas_beside_points_are_refused(tmp_path) -> None:
     (tmp_path / "log.csv").write_text("q1;q2\n0,5;1.234,5\n0,6;0,7\n")
     with pytest.raises(DemonstrationError, match=r"decimal commas, and '1\.234,5': write one kind"):
-        mapped_tables(tmp_path / "log.csv", "a=q1,b=q2", JOINTS)
+        read_mapped_tables(tmp_path / "log.csv", "a=q1,b=q2", JOINTS)

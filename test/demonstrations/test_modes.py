@@ -65,7 +65,7 @@ def test_families_of_elbows_are_two_modes_whose_blends_stay_apart(
 ):
     """Even where all begin and end alike: a mean of both modes would be a third one that nobody showed."""
     demonstrations = reach_demonstrations if connected else separated_demonstrations
-    curves = demonstrations.resampled(60).configurations_array()
+    curves = demonstrations.resample(60).configurations_array()
     modes = cluster_modes(curves)
     count = len(curves) // 2
     np.testing.assert_array_equal(modes, np.repeat([0, 1], count))

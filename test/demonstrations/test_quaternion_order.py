@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from geodesic_motion_ros.demonstrations.demonstrations import Demonstration, Demonstrations
-from geodesic_motion_ros.demonstrations.quaternion_order import looks_scalar_last, share_down, tilts
+from geodesic_motion_ros.demonstrations.quaternion_order import is_scalar_last, mean_tilts, share_down
 from geodesic_motion_ros.demonstrations.readers import read_demonstrations, read_joint_demonstrations
 from geodesic_motion_ros.geometry.quaternions import to_rotation
 from geodesic_motion_ros.robot.kinematics import Robot
@@ -34,8 +34,8 @@ def real(recordings: Path, task: str) -> Demonstrations:
 def test_real_recordings_are_asked_about_in_the_wrong_order_alone(recordings, task, asked) -> None:
     # The tool of `plum` points straight down at a heading at which it does so in both orders.
     shown = real(recordings, task)
-    assert not looks_scalar_last(shown)
-    assert looks_scalar_last(scalar_last_read_as_first(shown)) == asked
+    assert not is_scalar_last(shown)
+    assert is_scalar_last(scalar_last_read_as_first(shown)) == asked
 
 
 def test_a_level_tool_is_not_asked_about_where_it_is_level_in_both_orders() -> None:
@@ -43,8 +43,8 @@ def test_a_level_tool_is_not_asked_about_where_it_is_level_in_both_orders() -> N
     level = np.tile([half, 0.0, half, 0.0], (10, 1))  # the z axis along the base's x axis
     positions = np.linspace([0.3, 0.0, 0.3], [0.5, 0.1, 0.3], 10)
     shown = Demonstrations((Demonstration(positions, level, np.arange(10.0), "level"),))
-    assert not looks_scalar_last(shown)
-    assert tilts(shown) == pytest.approx((90.0, 90.0))
+    assert not is_scalar_last(shown)
+    assert mean_tilts(shown) == pytest.approx((90.0, 90.0))
 
 
 def test_the_share_is_that_of_the_rotated_axis() -> None:

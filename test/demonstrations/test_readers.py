@@ -5,10 +5,10 @@ import pytest
 
 from geodesic_motion_ros.demonstrations.column_names import parse_columns
 from geodesic_motion_ros.demonstrations.readers import (
-    holds_joints,
-    joint_takes,
+    is_of_joints,
     read_demonstrations,
     read_joint_demonstrations,
+    read_joint_takes,
 )
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.utils.errors import DemonstrationError, RobotError
@@ -408,15 +408,15 @@ def test_a_recording_of_joints_is_known_from_one_of_poses(tmp_path):
     rows, places = tmp_path / "joints.csv", tmp_path / "poses.csv"
     rows.write_text("demonstration,t,panda_joint1\nfirst,0.0,0.1\n")
     places.write_text("demonstration,px,py,pz\nfirst,0.0,0.1,0.2\n")
-    assert [holds_joints(path) for path in (joints, rows, poses, places)] == [True, True, False, False]
+    assert [is_of_joints(path) for path in (joints, rows, poses, places)] == [True, True, False, False]
 
 
 @pytest.mark.parametrize("content", [b"", b"PK\x03\x04 cut short", b"\xff\xfe\x00"])
 @pytest.mark.parametrize("suffix", ["npz", "csv", "npy"])
 def test_what_cannot_be_read_is_no_recording_of_joints(content, suffix, tmp_path):
     (tmp_path / f"broken.{suffix}").write_bytes(content)
-    assert not holds_joints(tmp_path / f"broken.{suffix}")
-    assert not holds_joints(tmp_path / f"missing.{suffix}")
+    assert not is_of_joints(tmp_path / f"broken.{suffix}")
+    assert not is_of_joints(tmp_path / f"missing.{suffix}")
 
 
 class TestFolders:
@@ -431,13 +431,13 @@ class TestFolders:
         demonstrations = read_demonstrations(tmp_path, "cm")
         assert_holds(demonstrations, recording)
         assert [item.name for item in demonstrations] == ["d0", "d1", "d2"]
-        assert not holds_joints(tmp_path)
+        assert not is_of_joints(tmp_path)
 
     def test_its_joints_are_found(self, tmp_path):
         robot = Robot.named("panda")
         rows = [["d", 0.1 * number, *robot.ready] for number in range(3)]
         write_csv(tmp_path / "d.csv", ["demonstration", "t", *robot.joint_names], rows)
-        assert holds_joints(tmp_path)
+        assert is_of_joints(tmp_path)
         assert len(read_joint_demonstrations(tmp_path, "panda")) == 1
 
     def test_a_demonstration_in_two_files_is_named_by_the_second(self, tmp_path, recording):
@@ -457,8 +457,8 @@ def test_radians_that_are_said_to_be_degrees_are_refused(tmp_path):
     for unit, rows in (("rad", path), ("deg", np.degrees(path))):
         write_csv(tmp_path / f"{unit}.csv", ["demonstration", *robot.joint_names], [["one", *row] for row in rows])
     with pytest.raises(DemonstrationError, match=r"no joint comes farther than 2\.\d+ deg from 0: are these radians\?"):
-        joint_takes(tmp_path / "rad.csv", "panda", units="deg")
+        read_joint_takes(tmp_path / "rad.csv", "panda", units="deg")
     # the control
-    (said,) = joint_takes(tmp_path / "deg.csv", "panda", units="deg")
-    (unsaid,) = joint_takes(tmp_path / "rad.csv", "panda")
+    (said,) = read_joint_takes(tmp_path / "deg.csv", "panda", units="deg")
+    (unsaid,) = read_joint_takes(tmp_path / "rad.csv", "panda")
     np.testing.assert_allclose(said.values, unsaid.values, atol=1e-12)

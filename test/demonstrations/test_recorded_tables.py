@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from geodesic_motion_ros.demonstrations.column_names import parse_columns
-from geodesic_motion_ros.demonstrations.recorded_tables import joint_tables, names_in, pose_tables
+from geodesic_motion_ros.demonstrations.recorded_tables import read_joint_tables, read_names, read_pose_tables
 from geodesic_motion_ros.utils.errors import DemonstrationError
 
 COLUMNS = "t,px,py,pz,qw,qx,qy,qz"
@@ -43,7 +43,7 @@ def write_csv(path: Path) -> None:
 def test_the_same_numbers_are_the_same_tables(tmp_path: Path, suffix: str, write) -> None:
     path = tmp_path / f"pour.{suffix}"
     write(path)
-    tables = pose_tables(path, NAMES, 100.0)
+    tables = read_pose_tables(path, NAMES, 100.0)
     assert list(tables) == ["pour_0", "pour_1"]
     for table, expected in zip(tables.values(), POSES, strict=True):
         assert set(table) == set(NAMES)
@@ -53,10 +53,10 @@ def test_the_same_numbers_are_the_same_tables(tmp_path: Path, suffix: str, write
 def test_joints_are_named_by_the_file_and_those_of_another_arm_are_refused(tmp_path: Path) -> None:
     path, angles = tmp_path / "reach.npz", POSES[..., :2]
     np.savez(path, configurations=angles, joint_names=JOINTS[::-1], names=["left", "right"])
-    tables = joint_tables(path, JOINTS, "toy", 100.0)
+    tables = read_joint_tables(path, JOINTS, "toy", 100.0)
     np.testing.assert_array_equal(tables["right"]["elbow"], angles[1, :, 0])
     with pytest.raises(DemonstrationError, match="expected are those of 'other'"):
-        joint_tables(path, ("shoulder", "wrist"), "other", 100.0)
+        read_joint_tables(path, ("shoulder", "wrist"), "other", 100.0)
 
 
 def test_names_are_those_of_arrays_or_of_columns(tmp_path: Path) -> None:
@@ -64,6 +64,6 @@ def test_names_are_those_of_arrays_or_of_columns(tmp_path: Path) -> None:
     write_named_arrays(poses)
     write_csv(rows)
     write_npy(letters)
-    assert names_in(poses) == {"positions", "quaternions", "times"}
-    assert names_in(rows) == {"demonstration", *NAMES}
-    assert names_in(letters) == set()
+    assert read_names(poses) == {"positions", "quaternions", "times"}
+    assert read_names(rows) == {"demonstration", *NAMES}
+    assert read_names(letters) == set()

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from geodesic_motion_ros.demonstrations.readers import joint_takes, read_joint_demonstrations
+from geodesic_motion_ros.demonstrations.readers import read_joint_demonstrations, read_joint_takes
 from geodesic_motion_ros.demonstrations.recordings import Recording
 from geodesic_motion_ros.demonstrations.splitting import STILL, Split
 from geodesic_motion_ros.demonstrations.takes import Action
@@ -60,7 +60,7 @@ def curves() -> list[np.ndarray]:
 def test_demonstrations_come_out_of_a_bag_as_they_were_made(kind, curves, bag, tmp_path) -> None:
     path = bag.write(tmp_path / kind, {"/joint_states": joint_states(in_one_go(curves))})
     recording = read(path)
-    demonstrations = recording.checked(strict=True)
+    demonstrations = recording.demonstrations(strict=True)
     assert len(demonstrations) == len(curves)
     assert len(recording.flaws) == 4  # the motions back, which --strict does not refuse
     for item, curve in zip(demonstrations, curves, strict=True):
@@ -73,11 +73,11 @@ def test_demonstrations_come_out_of_a_bag_as_they_were_made(kind, curves, bag, t
 def test_real_demonstrations_come_out_of_a_bag_as_they_stand_in_the_file(recordings, bag, tmp_path) -> None:
     shown = read_joint_demonstrations(recordings / "joints" / "panda_plum.csv", "panda")
     resampled = [
-        item.resampled(1 + round((item.times[-1] - item.times[0]) * HZ), by="time").configurations for item in shown
+        item.resample(1 + round((item.times[-1] - item.times[0]) * HZ), by="time").configurations for item in shown
     ]
     values = in_one_go(resampled)
     path = bag.write(tmp_path / "plum.mcap", {"/joint_states": joint_states(values)})
-    demonstrations = read(path).checked(strict=True)
+    demonstrations = read(path).demonstrations(strict=True)
     assert len(demonstrations) == len(shown)
     for item, original in zip(demonstrations, shown, strict=True):
         assert np.abs(item.configurations[[0, -1]] - original.configurations[[0, -1]]).max() < 1.5 * STILL["joint"]
@@ -94,10 +94,10 @@ def test_degrees_are_recognised(curves, bag, tmp_path) -> None:
 def test_an_interrupted_demonstration_is_left_out_of_a_bag(curves, bag, tmp_path) -> None:
     halved = [*curves[:2], curves[2][:150], *curves[3:]]
     recording = read(bag.write(tmp_path / "half", {"/joint_states": joint_states(in_one_go(halved))}))
-    assert recording.left_out == {"half_2"}
-    assert [item.name for item in recording.checked()] == ["half_0", "half_1", "half_3", "half_4"]
+    assert recording.left_out_names == {"half_2"}
+    assert [item.name for item in recording.demonstrations()] == ["half_0", "half_1", "half_3", "half_4"]
     with pytest.raises(DemonstrationError, match=r"'half_2' is interrupted: .* left out; --strict refuses it"):
-        recording.checked(strict=True)
+        recording.demonstrations(strict=True)
 
 
 def test_a_bag_of_which_little_remains_is_refused(curves, bag, tmp_path) -> None:
@@ -106,7 +106,7 @@ def test_a_bag_of_which_little_remains_is_refused(curves, bag, tmp_path) -> None
     states = joint_states(values, stamps=times)
     path = bag.write(tmp_path / "slow", {"/joint_states": states})
     with pytest.raises(DemonstrationError, match=r"0 of 5 demonstrations remain: .*samples, 1 a second.*at least 10"):
-        read(path).checked()
+        read(path).demonstrations()
 
 
 def test_several_bags_are_one_recording_and_need_names_of_their_own(curves, bag, tmp_path) -> None:
@@ -116,15 +116,15 @@ def test_several_bags_are_one_recording_and_need_names_of_their_own(curves, bag,
         for (folder, name), curve in zip((("a", "one"), ("a", "two.mcap"), ("b", "one.bag")), curves[:3], strict=True)
     ]
     recording = Recording.of_bags(paths[:2], "/joint_states", Split(), "panda")
-    assert [item.name for item in recording.checked()] == ["one_0", "two_0"]
+    assert [item.name for item in recording.demonstrations()] == ["one_0", "two_0"]
     with pytest.raises(DemonstrationError, match="two bags have the same name"):
         Recording.of_bags(paths, "/joint_states", Split(), "panda")
 
 
 def test_the_good_demonstrations_of_a_file_are_not_changed(recordings) -> None:
     path = recordings / "joints" / "panda_assembly.csv"
-    recording = Recording.of_files(joint_takes(path, "panda"), "panda")
+    recording = Recording.of_files(read_joint_takes(path, "panda"), "panda")
     assert all(flaw.action is Action.KEPT for flaw in recording.flaws)
-    for item, original in zip(recording.checked(), read_joint_demonstrations(path, "panda"), strict=True):
+    for item, original in zip(recording.demonstrations(), read_joint_demonstrations(path, "panda"), strict=True):
         np.testing.assert_array_equal(item.configurations, original.configurations)
         np.testing.assert_array_equal(item.times, original.times)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from geodesic_motion_ros.demonstrations.readers import joint_takes, pose_takes
+from geodesic_motion_ros.demonstrations.readers import read_joint_takes, read_pose_takes
 from geodesic_motion_ros.demonstrations.recordings import Recording
 from geodesic_motion_ros.demonstrations.returns import find_returns
 from geodesic_motion_ros.demonstrations.takes import POSE, Action, Take
@@ -50,7 +50,7 @@ def test_a_full_turn_of_the_tool_on_the_spot_returns() -> None:
 def test_the_recording_is_refused_where_half_of_the_motions_return() -> None:
     laps = [circle(1.0, str(number)) for number in range(3)]
     with pytest.raises(DemonstrationError, match=r"returns to its start \(3 of 3 do\), .* 0\.000 m from .* 0\.63 m"):
-        Recording.of_files(laps).checked()
+        Recording.of_files(laps).demonstrations()
     assert actions(circle(1.0), *(circle(0.5, str(number)) for number in range(3))) == []
 
 
@@ -58,10 +58,10 @@ def test_real_recordings_lead_elsewhere_but_for_shaking(recordings) -> None:
     poses = [recordings / "robotasks" / f"{task}.npy" for task in ("pouring", "bottle2shelf")]
     arms = [("panda_plum", "panda"), ("panda_assembly", "panda"), ("ur5_reach", "ur5")]
     for takes in (
-        *(pose_takes(path, "cm") for path in poses),
-        *(pose_takes(recordings / "hello_world" / f"{letter}.npy", "cm", "px,py") for letter in "he"),
-        *(joint_takes(recordings / "joints" / f"{name}.csv", robot) for name, robot in arms),
+        *(read_pose_takes(path, "cm") for path in poses),
+        *(read_pose_takes(recordings / "hello_world" / f"{letter}.npy", "cm", "px,py") for letter in "he"),
+        *(read_joint_takes(recordings / "joints" / f"{name}.csv", robot) for name, robot in arms),
     ):
         assert find_returns(takes) == []
-    shaken = joint_takes(recordings / "joints" / "iiwa14_shake.csv", "iiwa14")
+    shaken = read_joint_takes(recordings / "joints" / "iiwa14_shake.csv", "iiwa14")
     assert find_returns(shaken) != []

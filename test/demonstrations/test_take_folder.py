@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from geodesic_motion_ros.demonstrations.message_samples import JointSamples
-from geodesic_motion_ros.demonstrations.readers import joint_takes
+from geodesic_motion_ros.demonstrations.readers import read_joint_takes
 from geodesic_motion_ros.demonstrations.recordings import Recording
 from geodesic_motion_ros.demonstrations.take_folder import TakeFolder
 from geodesic_motion_ros.robot.kinematics import Robot
@@ -62,7 +62,7 @@ def test_a_take_is_cut_to_its_motion_and_stated_in_one_line(tmp_path: Path) -> N
     length = np.linalg.norm(np.diff(positions, axis=0), axis=1).sum()
     assert re.match(rf"kept take_001: [23]\.\d s, {length:.2f} m", line)
     assert "nearest other" not in line
-    (take,) = joint_takes(tmp_path, "panda")
+    (take,) = read_joint_takes(tmp_path, "panda")
     assert np.ptp(take.times) == pytest.approx(3.0, abs=0.4)
     np.testing.assert_allclose(take.values[[0, -1]], path[[0, -1]], atol=0.004)
 
@@ -74,7 +74,7 @@ def test_prefixed_joints_are_kept_under_the_names_of_the_robot(tmp_path: Path) -
     both = [*prefixed, *(f"right_{name}" for name in NAMES)]
     path = motion()
     folder.keep(received(np.hstack([path, path + 0.1]), both, heard=prefixed))
-    (take,) = joint_takes(tmp_path, "panda")
+    (take,) = read_joint_takes(tmp_path, "panda")
     np.testing.assert_allclose(take.values[0], path[0], atol=0.004)
 
 
@@ -89,7 +89,7 @@ def test_names_count_in_any_order_and_samples_are_kept_as_they_were_recorded(tmp
     path[150, 1] += 0.5
     line = TakeFolder(tmp_path, "panda").keep(received(path[:, ::-1], NAMES[::-1]))
     assert "has a spike of 1 sample" in line
-    (take,) = joint_takes(tmp_path, "panda")
+    (take,) = read_joint_takes(tmp_path, "panda")
     rows = {tuple(row) for row in path.tolist()}
     assert {tuple(row) for row in take.values.tolist()} <= rows
     assert Recording.of_files([take], "panda").flaws[0].what.startswith("has a spike of 1 sample")
@@ -167,7 +167,7 @@ def test_two_sessions_at_once_do_not_write_over_one_another(folder: TakeFolder) 
     other = TakeFolder(folder.folder, "panda")
     assert other.keep(received(motion(0.01))).startswith("kept take_004")
     assert folder.keep(received(motion(0.03))).startswith("kept take_005")
-    assert len(joint_takes(folder.folder, "panda")) == 5
+    assert len(read_joint_takes(folder.folder, "panda")) == 5
 
 
 def test_a_folder_that_cannot_be_written_is_named(tmp_path: Path) -> None:

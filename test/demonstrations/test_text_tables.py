@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from geodesic_motion_ros.demonstrations.column_names import of_poses, parse_mapping
-from geodesic_motion_ros.demonstrations.mapped_tables import mapped_tables
-from geodesic_motion_ros.demonstrations.readers import pose_takes, read_demonstrations, read_joint_demonstrations
+from geodesic_motion_ros.demonstrations.column_names import is_of_poses, parse_mapping
+from geodesic_motion_ros.demonstrations.mapped_tables import read_mapped_tables
+from geodesic_motion_ros.demonstrations.readers import read_demonstrations, read_joint_demonstrations, read_pose_takes
 from geodesic_motion_ros.utils.errors import DemonstrationError
 
 ROWS = [(0.0, 0.1, 0.2, 0.3, 9.0), (0.1, 0.2, 0.2, 0.3, 9.0), (0.2, 0.3, 0.2, 0.3, 9.0)]
@@ -25,20 +25,20 @@ def text(separator: str, header=HEADER, rows=ROWS) -> str:
 def test_columns_are_mapped_and_others_passed_over(separator, comment, tmp_path) -> None:
     path = tmp_path / "log.txt"
     path.write_text(comment + text(separator))
-    (name, table), = mapped_tables(path, MAPPING).tables.items()
+    (name, table), = read_mapped_tables(path, MAPPING).tables.items()
     assert (name, sorted(table)) == ("log", ["px", "py", "pz", "t"])
     read = np.stack([table[key] for key in ("t", "px", "py", "pz")], axis=1)
     np.testing.assert_array_equal(read, np.array(ROWS)[:, :4])
-    np.testing.assert_array_equal(pose_takes(path, "m", "x,y,z")[0].values, read[:, 1:])
+    np.testing.assert_array_equal(read_pose_takes(path, "m", "x,y,z")[0].values, read[:, 1:])
 
 
 def test_numbers_without_a_header_are_in_the_order_of_the_mapping(tmp_path) -> None:
     path = tmp_path / "log.txt"
     path.write_text(text(" ", header=None, rows=[row[:4] for row in ROWS]))
-    take, = pose_takes(path, "m", "t,px,py,pz")
+    take, = read_pose_takes(path, "m", "t,px,py,pz")
     np.testing.assert_array_equal(take.values, np.array(ROWS)[:, 1:4])
     with pytest.raises(DemonstrationError, match=r"no header, and 4 columns; --columns names 3: px, py, pz"):
-        pose_takes(path, "m", "px,py,pz")
+        read_pose_takes(path, "m", "px,py,pz")
 
 
 def test_a_column_may_say_which_demonstration_a_sample_belongs_to(tmp_path) -> None:
@@ -51,14 +51,14 @@ def test_a_column_may_say_which_demonstration_a_sample_belongs_to(tmp_path) -> N
 def test_joints_are_mapped_by_their_names(tmp_path) -> None:
     path = tmp_path / "arm.txt"
     path.write_text(text(" ", ("q1", "q0"), [(0.1, 0.2), (0.3, 0.4)]))
-    table = mapped_tables(path, "shoulder=q0,elbow=q1", ("shoulder", "elbow")).tables["arm"]
+    table = read_mapped_tables(path, "shoulder=q0,elbow=q1", ("shoulder", "elbow")).tables["arm"]
     np.testing.assert_array_equal(table["shoulder"], [0.2, 0.4])
     with pytest.raises(DemonstrationError, match="elbow are not mapped; ours are demonstration, elbow, nanosec"):
-        mapped_tables(path, "shoulder=q0", ("shoulder", "elbow"))
+        read_mapped_tables(path, "shoulder=q0", ("shoulder", "elbow"))
     with pytest.raises(DemonstrationError, match=r"panda_joint1, .* are not mapped; ours are demonstration"):
         read_joint_demonstrations(path, "panda")
-    assert not of_poses(parse_mapping("t=stamp,panda_joint1=q0"))
-    assert of_poses(parse_mapping(MAPPING))
+    assert not is_of_poses(parse_mapping("t=stamp,panda_joint1=q0"))
+    assert is_of_poses(parse_mapping(MAPPING))
 
 
 @pytest.mark.parametrize("columns", ["", "t=", "=x", "px=x,px=y", "px=x,,py=y"])
@@ -85,11 +85,11 @@ def test_what_cannot_be_read_is_refused_by_its_place(content, columns, message, 
     path = tmp_path / "log.csv"
     path.write_text(content)
     with pytest.raises(DemonstrationError, match=message):
-        pose_takes(path, "m", columns)
+        read_pose_takes(path, "m", columns)
 
 
 def test_what_is_no_text_is_refused(tmp_path) -> None:
     (tmp_path / "log.txt").write_bytes(b"\xff\xfe\x00")
     for name, message in (("log.txt", "not a text file"), ("none.txt", "cannot be read")):
         with pytest.raises(DemonstrationError, match=message):
-            pose_takes(tmp_path / name, "m", MAPPING)
+            read_pose_takes(tmp_path / name, "m", MAPPING)

@@ -42,7 +42,7 @@ def test_interpolation_survives_a_pause():
 def test_resampling_keeps_ends_and_spaces_points_equally(samples):
     s = np.linspace(0.0, 1.0, 500) ** 2
     positions = np.stack([np.cos(2 * s), np.sin(2 * s), 0 * s], axis=1)
-    curve = PoseCurve(positions, slerp(IDENTITY, QUARTER_TURN, s)).resampled(samples)
+    curve = PoseCurve(positions, slerp(IDENTITY, QUARTER_TURN, s)).resample(samples)
     assert curve.positions.shape == (samples, 3)
     np.testing.assert_allclose(curve.positions[[0, -1]], positions[[0, -1]], atol=1e-12)
     steps = np.linalg.norm(np.diff(curve.positions, axis=0), axis=1)

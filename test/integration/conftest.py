@@ -17,7 +17,7 @@ from geodesic_motion_ros.nodes.planner_node import PlannerNode
 from geodesic_motion_ros.planning.declared_scene import DeclaredScene
 from geodesic_motion_ros.robot.inverse_kinematics import solve
 from geodesic_motion_ros.robot.kinematics import Robot
-from geodesic_motion_ros.skill.kept_graph import digest_of
+from geodesic_motion_ros.skill.kept_graph import digest_recipe
 from geodesic_motion_ros.skill.skill import GRID_SHAPES, LearnedModel, Skill
 
 #: Of the skills that a test of this process has decoded, by what they are.
@@ -30,7 +30,7 @@ def graphs_are_shared() -> Iterator[None]:
     decode = LearnedModel.graph
 
     def graph(skill: LearnedModel, *size: Any) -> Any:
-        key = digest_of({"skill": skill, "size": size, "default": GRID_SHAPES})
+        key = digest_recipe({"skill": skill, "size": size, "default": GRID_SHAPES})
         if key not in GRAPHS:
             GRAPHS[key] = decode(skill, *size)
         return GRAPHS[key]

@@ -18,7 +18,7 @@ from sensor_msgs.msg import JointState
 from std_srvs.srv import SetBool, Trigger
 
 from geodesic_motion_ros.cli import main
-from geodesic_motion_ros.demonstrations.readers import joint_takes
+from geodesic_motion_ros.demonstrations.readers import read_joint_takes
 from geodesic_motion_ros.nodes import hand_guide
 from geodesic_motion_ros.nodes.messages import joint_state_message, pose_message
 from geodesic_motion_ros.nodes.record_node import RecordNode
@@ -135,7 +135,7 @@ def test_a_good_take_is_kept_and_can_be_deleted_and_one_that_jumps_is_refused(re
     answer = record_all(recorder, path)
     assert answer.success, answer.message
     assert answer.message.startswith("kept take_001: ")
-    (take,) = joint_takes(recorder.folder, "panda")
+    (take,) = read_joint_takes(recorder.folder, "panda")
     assert np.abs(take.values[-1] - path[-1]).max() < 0.005
     spoiled = path.copy()
     spoiled[100:, 1] += 0.6

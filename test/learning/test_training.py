@@ -31,7 +31,7 @@ def train(demonstrations, settings, progress=None):
 
 
 def poses_of(demonstrations, samples=40):
-    even = demonstrations.resampled(samples)
+    even = demonstrations.resample(samples)
     return even.positions_array(), even.quaternions_array()
 
 

@@ -20,7 +20,7 @@ OFFSETS /= np.linalg.norm(OFFSETS, axis=1, keepdims=True)
 @pytest.fixture(scope="module")
 def curve(reach_demonstrations) -> np.ndarray:
     """A reach (60, 7) [rad], whose elbow swings out in between."""
-    return reach_demonstrations.resampled(60)[0].configurations
+    return reach_demonstrations.resample(60)[0].configurations
 
 
 def tool_moves(before: np.ndarray, after: np.ndarray) -> np.ndarray:

@@ -51,7 +51,7 @@ def test_a_start_at_the_goal_is_a_path_that_stays_there(planner):
     goal = planner.skill.goal_pose
     path = planner.plan(goal[:3], goal[3:], goal[:3], goal[3:])
     assert isinstance(path, PosePath), path
-    np.testing.assert_allclose(path.resampled(50).positions, np.tile(goal[:3], (50, 1)), atol=1e-9)
+    np.testing.assert_allclose(path.resample(50).positions, np.tile(goal[:3], (50, 1)), atol=1e-9)
 
 
 def test_two_planners_answer_with_the_same_bytes(another, planner):
@@ -79,7 +79,7 @@ def test_a_sphere_on_the_path_is_hit_without_avoidance_and_not_with_it(another, 
     planner.set_obstacles([centre], [radius])
     path = planner.nominal()
     assert path.figures.clearance > 0.0
-    dense = path.resampled(3000).positions
+    dense = path.resample(3000).positions
     assert np.linalg.norm(dense - centre, axis=1).min() - radius - TOOL_RADIUS >= path.figures.clearance - 1e-9
 
 
@@ -100,7 +100,7 @@ def test_obstacles_of_every_kind_are_hit_without_avoidance_and_passed_with_it(an
     assert planner.take_obstacles(obstacles).ok
     path = planner.nominal()
     assert path.figures.clearance > 0.0
-    dense = path.resampled(3000).positions
+    dense = path.resample(3000).positions
     if kind == "cloud":
         gaps = cKDTree(seen).query(dense)[0] - 0.005 - TOOL_RADIUS
     else:
@@ -118,7 +118,7 @@ def test_every_sphere_of_the_tool_keeps_the_clearance(another, planner):
     sphere = Obstacles.of_spheres(below[None], np.array([0.02]))
 
     def gap(path: PosePath) -> float:
-        even = path.resampled(2000)
+        even = path.resample(2000)
         body = tool_points(even.positions, even.quaternions, points)
         return float(obstacle_clearances(body, radii, sphere, np.inf).min())
 

@@ -56,7 +56,7 @@ def every(request: pytest.FixtureRequest) -> Shown:
 
 def elbows(shown: JointDemonstrations) -> np.ndarray:
     """Elbow of each demonstration at 21 instants equally spaced in time (N, 21, 3) [m]."""
-    paths = shown.resampled(21, by="time").configurations_array()
+    paths = shown.resample(21, by="time").configurations_array()
     return np.array([[elbow_position(ROBOT, q) for q in path] for path in paths])
 
 
@@ -104,7 +104,7 @@ def test_the_tool_reaches_half_a_metre_and_turns_by_a_right_angle(reaching: Show
 
 
 def test_demonstrations_of_a_family_are_alike_but_not_the_same(connected: Shown) -> None:
-    tools = connected[1].resampled(100, by="time").tool_demonstrations(ROBOT)
+    tools = connected[1].resample(100, by="time").tool_demonstrations(ROBOT)
     for first, second in ((0, 1), (2, 3), (4, 5)):
         assert 2e-3 < compare(tools[first].curve, tools[second].curve).dtw < 40e-3
 

@@ -107,8 +107,8 @@ def test_corrections_make_the_decoder_the_weighted_mean_on_the_mean_paths(canoni
 def test_blends_do_not_depend_on_signs(sheet):
     weights = np.random.default_rng(0).dirichlet(np.ones(7), 4)
     signs = np.random.default_rng(1).choice([-1.0, 1.0], size=(7, 1, 1))
-    expected = RotationCurves.of(sheet.quaternions).blended(weights)
-    found = RotationCurves.of(signs * sheet.quaternions).blended(weights)
+    expected = RotationCurves.of(sheet.quaternions).blend(weights)
+    found = RotationCurves.of(signs * sheet.quaternions).blend(weights)
     assert angle_between(found, expected).max() < 1e-6
 
 

@@ -18,7 +18,7 @@ import yaml
 from safetensors.numpy import load_file, save_file
 
 from geodesic_motion_ros.cli import main
-from geodesic_motion_ros.demonstrations.readers import holds_joints, read_demonstrations, read_joint_demonstrations
+from geodesic_motion_ros.demonstrations.readers import is_of_joints, read_demonstrations, read_joint_demonstrations
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.skill.skill import Skill
 from geodesic_motion_ros.utils import checked_files
@@ -526,7 +526,7 @@ def test_a_command_says_in_one_line_why_a_hostile_recording_is_refused(
 
 @pytest.mark.parametrize("kind", RECORDINGS)
 def test_the_kind_of_a_hostile_recording_is_found_without_reading_it(hostile_recordings, kind) -> None:
-    assert holds_joints(hostile_recordings[kind]) == (kind.startswith("joints: ") and "bomb" not in kind)
+    assert is_of_joints(hostile_recordings[kind]) == (kind.startswith("joints: ") and "bomb" not in kind)
 
 
 def test_a_joint_recording_with_semicolons_is_taken_for_one(tmp_path, capsys) -> None:

@@ -51,7 +51,7 @@ class Placement:
         """With the demonstrations moved by (3,) [m]."""
         robot, least = Robot.named(arm), []
         for curve in shown:
-            even = curve.resampled(_POSES)
+            even = curve.resample(_POSES)
             configurations = _held(robot, even.positions + move, even.quaternions)
             if configurations is not None:
                 slopes = np.stack([robot.jacobian(configuration) for configuration in configurations])

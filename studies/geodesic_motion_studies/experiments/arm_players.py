@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Protocol
 import numpy as np
 from scipy.spatial import cKDTree
 
-from geodesic_motion_ros.demonstrations.canonical import along_body_arc
+from geodesic_motion_ros.demonstrations.canonical import sample_body_arc
 from geodesic_motion_ros.demonstrations.joint_demonstrations import JointDemonstrations
 from geodesic_motion_ros.manifold.configuration_graph import JointMetricSettings
 from geodesic_motion_ros.manifold.latent_graph import LatentGraph
@@ -55,7 +55,7 @@ class Families:
     @classmethod
     def of(cls, shown: JointDemonstrations, families: int) -> Families:
         robot, metric, each = Robot.named(shown.robot), JointMetricSettings(), len(shown) // families
-        curves = np.stack([along_body_arc(item.configurations, robot, metric, _SAMPLES) for item in shown])
+        curves = np.stack([sample_body_arc(item.configurations, robot, metric, _SAMPLES) for item in shown])
         return cls(curves.reshape(families, each, *curves.shape[1:]).mean(axis=1), each)
 
     def ends(self, groups: Sequence[int], at: int) -> np.ndarray:

@@ -68,7 +68,7 @@ def task_line(train: Demonstrations, start: Pose, goal: Pose) -> Prediction:
 
 def mean_demonstration(train: Demonstrations, start: Pose, goal: Pose) -> Prediction:
     """Mean of the demonstrations at equal fractions of arc length; rotations by `quaternions.mean_rotation`."""
-    curves = [item.curve.resampled(SAMPLES) for item in train]
+    curves = [item.curve.resample(SAMPLES) for item in train]
     positions = np.mean([curve.positions for curve in curves], axis=0)
     quaternions = mean_rotation(np.stack([curve.quaternions for curve in curves]))
     return Prediction.between(PoseCurve(positions, continuous_signs(quaternions)), start, goal)
@@ -76,13 +76,13 @@ def mean_demonstration(train: Demonstrations, start: Pose, goal: Pose) -> Predic
 
 def nearest_demonstration(train: Demonstrations, start: Pose, goal: Pose) -> Prediction:
     """The demonstration that begins and ends nearest."""
-    return Prediction.between(nearest(train, start, goal).curve.resampled(SAMPLES), start, goal)
+    return Prediction.between(nearest(train, start, goal).curve.resample(SAMPLES), start, goal)
 
 
 def dmp_nearest(train: Demonstrations, start: Pose, goal: Pose) -> Prediction:
     """Cartesian DMP of the nearest demonstration, start and goal replaced (A. Ude et al., ICRA 2014)."""
     _, dmp_type = require_peers()
-    shown = nearest(train, start, goal).resampled(SAMPLES, by="time")
+    shown = nearest(train, start, goal).resample(SAMPLES, by="time")
     # q and -q are one rotation, but the library would take the longer turn between opposite signs.
     ends = [
         np.hstack([pose[0], rotate_by(rotation_vector_between(quaternion, pose[1]), quaternion)])
@@ -100,7 +100,7 @@ def promp(train: Demonstrations, start: Pose, goal: Pose) -> Prediction:
     The conditioned mean misses the ends by what PROMP_NOISE allows. More noise draws it towards the mean
     demonstration.
     """
-    aligned = train.in_one_hemisphere().resampled(SAMPLES, by="time")
+    aligned = train.align_hemispheres().resample(SAMPLES, by="time")
     shown = np.concatenate([aligned.positions_array(), aligned.quaternions_array()], axis=2)
     # q and -q are one rotation: the sign is that of the demonstrations.
     ends = [

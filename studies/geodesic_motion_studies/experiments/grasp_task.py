@@ -373,7 +373,7 @@ def _to_both_goals(skill: Skill, paths: LearnedPaths, motion: PoseCurve) -> tupl
 
 def arm_along(curve: PoseCurve, postures: int = 60) -> np.ndarray:
     """Configurations (postures, 7) [rad] of a Panda whose tool follows a curve, each the one nearest to that before."""
-    robot, even, configuration, found = Robot.named("panda"), curve.resampled(postures), None, []
+    robot, even, configuration, found = Robot.named("panda"), curve.resample(postures), None, []
     for position, quaternion in zip(even.positions, even.quaternions, strict=True):
         configuration = solve(robot, position, quaternion, configuration)
         found.append(configuration)

@@ -108,7 +108,7 @@ class Judge:
         return self._values(prediction, held_out) | {"off_manifold": _off_manifold(skill, latent)}
 
     def _reconstruction(self, skill: Skill, held_out: Demonstration) -> Values:
-        curve = held_out.curve.resampled(200)
+        curve = held_out.curve.resample(200)
         latent = TaskSpaceEncoder.from_arrays(skill.encoder_arrays).encode(curve.positions, curve.quaternions)
         decoded = _decoded(skill, latent)
         values = self._compared(decoded, held_out) | self._ends(decoded, held_out, "before")
@@ -183,7 +183,7 @@ def sheet_oracle(planner: PosePathPlanner, held_out: Demonstration) -> PoseCurve
     query = planner.query(*held_out.curve.start, *held_out.curve.goal)
     if isinstance(query, Refusal):
         return None
-    wanted = held_out.curve.resampled(COMPARED_POINTS)
+    wanted = held_out.curve.resample(COMPARED_POINTS)
     features = np.concatenate([query.graph.positions, METRES_PER_RADIAN * 2.0 * query.graph.quaternions], axis=1)
     tree = cKDTree(np.concatenate([features, features * [1.0, 1.0, 1.0, -1.0, -1.0, -1.0, -1.0]]))
     requested = np.concatenate([wanted.positions, METRES_PER_RADIAN * 2.0 * wanted.quaternions], axis=1)

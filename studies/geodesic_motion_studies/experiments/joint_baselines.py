@@ -31,7 +31,7 @@ def joint_line(train: JointDemonstrations, start: np.ndarray, goal: np.ndarray) 
 
 def nearest_demonstration(train: JointDemonstrations, start: np.ndarray, goal: np.ndarray) -> np.ndarray:
     """The demonstration that begins and ends nearest in joint space."""
-    return nearest(train, start, goal).resampled(SAMPLES).configurations
+    return nearest(train, start, goal).resample(SAMPLES).configurations
 
 
 def dmp_nearest(train: JointDemonstrations, start: np.ndarray, goal: np.ndarray) -> np.ndarray:
@@ -39,13 +39,13 @@ def dmp_nearest(train: JointDemonstrations, start: np.ndarray, goal: np.ndarray)
     require_peers()
     from movement_primitives.dmp import DMP
 
-    shown = nearest(train, start, goal).resampled(SAMPLES, by="time").configurations
+    shown = nearest(train, start, goal).resample(SAMPLES, by="time").configurations
     return dmp_motion(partial(DMP, n_dims=len(start)), shown, start, goal)
 
 
 def promp(train: JointDemonstrations, start: np.ndarray, goal: np.ndarray) -> np.ndarray:
     """Probabilistic movement primitive over time scaled to [0, 1], conditioned on start and goal."""
-    return promp_mean(train.resampled(SAMPLES, by="time").configurations_array(), start, goal)
+    return promp_mean(train.resample(SAMPLES, by="time").configurations_array(), start, goal)
 
 
 JOINT_PREDICTORS: dict[str, JointPredictor] = {

@@ -36,7 +36,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 from tqdm import tqdm
 
-from geodesic_motion_ros.demonstrations.canonical import ConfigurationForm, along_body_arc, without_offsets
+from geodesic_motion_ros.demonstrations.canonical import ConfigurationForm, remove_offsets, sample_body_arc
 from geodesic_motion_ros.demonstrations.joint_demonstrations import JointDemonstrations
 from geodesic_motion_ros.geometry.curves import PoseCurve
 from geodesic_motion_ros.geometry.quaternions import continuous_signs
@@ -219,7 +219,7 @@ class _Judge:
     ) -> None:
         self.shown, _ = demonstrations.split(fold)
         self.curves = np.stack(
-            [along_body_arc(item.configurations, robot, metric, COMPARED_POINTS) for item in demonstrations]
+            [sample_body_arc(item.configurations, robot, metric, COMPARED_POINTS) for item in demonstrations]
         )
         self._robot, self._metric, self._fold, self._families = robot, metric, fold, families
         self._shown_families = np.delete(families, fold)
@@ -301,13 +301,13 @@ class _Judge:
             return skill.decoder.configurations(encoder.encode(held_out))
         sheet = skill.canonical
         poles = np.stack([_nearest(sheet.start_poles, held_out[0]), _nearest(sheet.goal_poles, held_out[-1])])
-        canonical = without_offsets(held_out, poles, self._robot, skill.fade)
+        canonical = remove_offsets(held_out, poles, self._robot, skill.fade)
         rebuilt = skill.decoder.configurations(encoder.encode(canonical))
         offsets = JointOffsets.between(self._robot, poles, held_out[[0, -1]], fade=skill.fade)
         return rebuilt + offsets.displacements(rebuilt, np.linspace(0.0, 1.0, len(rebuilt)))
 
     def _measured(self, row: str, index: int, seed: int | None, path: np.ndarray) -> JointMeasurement:
-        curve = along_body_arc(path, self._robot, self._metric, COMPARED_POINTS)
+        curve = sample_body_arc(path, self._robot, self._metric, COMPARED_POINTS)
         values = _compared(curve, self.curves[index], self._robot)
         return JointMeasurement(row, index, int(self._families[index]), seed, values)
 

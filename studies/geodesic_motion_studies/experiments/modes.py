@@ -320,7 +320,7 @@ def _case(
 
 def pillar_clearance(curve: PoseCurve, settings: PlannerSettings) -> float:
     """Smallest distance [m] of the tool's spheres from the pillar along a curve; not below minus their radius."""
-    positions = curve.resampled(_SAMPLES)
+    positions = curve.resample(_SAMPLES)
     top = PILLAR.centre[2] + 0.5 * PILLAR.height
     axis = np.array([*PILLAR.centre[:2], 0.0])
     distances = []
@@ -351,8 +351,8 @@ def judged(
 
 def _middle_distance(curve: PoseCurve, other: PoseCurve) -> float:
     """Mean distance [m] of the middle half of a curve's arc to the nearest points of another."""
-    middle = curve.resampled(_SAMPLES).positions[_SAMPLES // 4 : -_SAMPLES // 4]
-    return float(cKDTree(other.resampled(_SAMPLES).positions).query(middle)[0].mean())
+    middle = curve.resample(_SAMPLES).positions[_SAMPLES // 4 : -_SAMPLES // 4]
+    return float(cKDTree(other.resample(_SAMPLES).positions).query(middle)[0].mean())
 
 
 def _positions(path: PosePath | Refusal | None) -> np.ndarray | None:

@@ -45,7 +45,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from geodesic_motion_ros.demonstrations.canonical import along_body_arc
+from geodesic_motion_ros.demonstrations.canonical import sample_body_arc
 from geodesic_motion_ros.manifold.ambient_law import AmbientLaw
 from geodesic_motion_ros.manifold.ambient_metric import ambient_factor
 from geodesic_motion_ros.obstacles.obstacles import Obstacles
@@ -316,7 +316,7 @@ class _Compared:
     def _deviation(self, path: np.ndarray, nominal: np.ndarray) -> float:
         """Mean distance [m] of the body points on a path from those on another, at the postures that match."""
         one, other = (
-            self._points(along_body_arc(postures, self._planner.robot, self._planner.skill.metric, _COMPARED))
+            self._points(sample_body_arc(postures, self._planner.robot, self._planner.skill.metric, _COMPARED))
             for postures in (path, nominal)
         )
         rows, columns = dtw_matching(one.reshape(_COMPARED, -1), other.reshape(_COMPARED, -1)).T

@@ -330,7 +330,7 @@ def blocked_pairs(
             free = with_bottle(*ends, np.empty((0, 3)))
             if isinstance(free, Refusal):
                 continue
-            middle = free.resampled(3)
+            middle = free.resample(3)
             for side in sides:
                 centre = sphere_beside(middle.positions[1], middle.quaternions[1], np.array(SIDES[side]))
                 clearances = []

@@ -77,7 +77,7 @@ def pieces_of(held_out: Demonstrations, count: int, random: np.random.Generator)
     """Ends of pieces of demonstrations, which are right for them."""
     found = []
     for _ in range(count):
-        curve = held_out[int(random.integers(len(held_out)))].curve.resampled(SAMPLES)
+        curve = held_out[int(random.integers(len(held_out)))].curve.resample(SAMPLES)
         first, last = random.uniform(0.0, _PIECE_MARGIN), random.uniform(1.0 - _PIECE_MARGIN, 1.0)
         kept = slice(int(first * SAMPLES), math.ceil(last * SAMPLES))
         piece = PoseCurve(curve.positions[kept], curve.quaternions[kept])
@@ -113,7 +113,7 @@ def nearest_piece(shown: Demonstrations, start: Pose, goal: Pose) -> PoseCurve:
     """The piece of a demonstration whose ends are together nearest to the requested ones, carried to them."""
     found = []
     for item in shown:
-        curve = item.curve.resampled(SAMPLES)
+        curve = item.curve.resample(SAMPLES)
         to_start, to_goal = (_distances(curve, end) for end in (start, goal))
         sums = np.minimum.accumulate(to_start)[:-1] + to_goal[1:]
         last = int(np.argmin(sums)) + 1

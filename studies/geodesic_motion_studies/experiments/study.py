@@ -17,7 +17,7 @@ from geodesic_motion_ros.cli.arguments import add_recording, indices
 from geodesic_motion_ros.cli.recorded import read_joint_recording, read_recording
 from geodesic_motion_ros.demonstrations.demonstrations import Demonstrations
 from geodesic_motion_ros.demonstrations.joint_demonstrations import JointDemonstrations
-from geodesic_motion_ros.demonstrations.readers import holds_joints
+from geodesic_motion_ros.demonstrations.readers import is_of_joints
 from geodesic_motion_ros.learning.settings import JointTrainingSettings, TrainingSettings
 from geodesic_motion_ros.skill.skill import Skill
 from geodesic_motion_ros.utils.errors import ParameterError
@@ -165,7 +165,7 @@ class OfRecordings(Study):
     def of(cls: type[Own], arguments: argparse.Namespace, **others: Any) -> Own:
         recordings: dict[str, Recording] = {}
         for path in arguments.demos:
-            space = (arguments.space or ("joint" if holds_joints(path) else "task")) if cls.joints else "task"
+            space = (arguments.space or ("joint" if is_of_joints(path) else "task")) if cls.joints else "task"
             read = read_joint_recording if space == "joint" else read_recording
             recordings[path.stem] = read(arguments, path)
         if len(recordings) < len(arguments.demos):

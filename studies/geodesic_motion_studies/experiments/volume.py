@@ -26,7 +26,7 @@ from matplotlib.figure import Figure
 from tqdm import tqdm
 
 from geodesic_motion_ros.cli.arguments import metres
-from geodesic_motion_ros.demonstrations.canonical import along_body_arc
+from geodesic_motion_ros.demonstrations.canonical import sample_body_arc
 from geodesic_motion_ros.demonstrations.joint_demonstrations import JointDemonstrations
 from geodesic_motion_ros.demonstrations.modes import cluster_modes
 from geodesic_motion_ros.demonstrations.readers import read_joint_demonstrations
@@ -132,7 +132,7 @@ class Volume(Study):
         demonstrations = self._demonstrations()
         base = self.training or JointTrainingSettings.paper(**({} if self.steps is None else {"steps": self.steps}))
         robot, metric = Robot.named(demonstrations.robot), base.metric
-        shown = np.stack([along_body_arc(item.configurations, robot, metric, _SAMPLES) for item in demonstrations])
+        shown = np.stack([sample_body_arc(item.configurations, robot, metric, _SAMPLES) for item in demonstrations])
         rows = []
         with tqdm(list(product(self.weights, self.seeds)), desc="volume", unit="skill") as bar:
             for weight, seed in bar:
@@ -163,7 +163,7 @@ def _measured(skill: Skill, shown: np.ndarray, weight: float, seed: int, seconds
     """The row of a skill; shown : (N, samples, eta) its demonstrations [rad]."""
     planner = PaperPlanner(skill)
     start, goal = (tuple(np.split(pose, [3])) for pose in (skill.start_pose, skill.goal_pose))
-    path = along_body_arc(planner.plan(start, goal).places, planner.robot, skill.metric, _SAMPLES)
+    path = sample_body_arc(planner.plan(start, goal).places, planner.robot, skill.metric, _SAMPLES)
     modes = cluster_modes(shown)
     means = [shown[modes == mode].mean(axis=0) for mode in np.unique(modes)]
     tool = tool_curve(path, planner.robot)

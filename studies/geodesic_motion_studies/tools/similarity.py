@@ -36,7 +36,7 @@ class Similarity:
 
 def compare(first: PoseCurve, second: PoseCurve) -> Similarity:
     """Compare two motions sampled at any numbers of points. Symmetric; all zero for the same path."""
-    one, other = first.resampled(COMPARED_POINTS), second.resampled(COMPARED_POINTS)
+    one, other = first.resample(COMPARED_POINTS), second.resample(COMPARED_POINTS)
     distances = _distances(one.positions, other.positions)
     matching = _warping_path(_accumulated_cost(distances))
     rows, columns = matching.T

@@ -56,7 +56,7 @@ def test_the_only_demonstration_is_returned_for_its_own_ends(demonstrations, row
 
 def test_signs_of_whole_demonstrations_do_not_matter(demonstrations):
     train, held_out = demonstrations.split([0])
-    aligned = train.in_one_hemisphere()
+    aligned = train.align_hemispheres()
     assert any(a.quaternions[0] @ b.quaternions[0] < 0.0 for a, b in zip(train, aligned, strict=True))
     ends = held_out[0].curve.start, held_out[0].curve.goal
     for row, predict in PREDICTORS.items():

@@ -64,7 +64,7 @@ def test_our_ends_are_the_requested_ones_and_the_papers_are_where_its_model_deco
 def test_the_arm_of_the_picture_follows_the_path_without_a_jump(report) -> None:
     path = next(item.path for item in report.targets if item.path is not None)
     configurations, robot = arm_along(path, 40), Robot.named("panda")
-    even = path.resampled(40)
+    even = path.resample(40)
     for configuration, position, quaternion in zip(configurations, even.positions, even.quaternions, strict=True):
         reached = robot.forward(configuration)
         np.testing.assert_allclose(reached[0], position, atol=1e-3)

@@ -50,7 +50,7 @@ def test_a_promp_passes_through_the_ends_it_is_conditioned_on(family):
 def test_a_primitive_of_one_demonstration_repeats_it(family):
     pytest.importorskip("movement_primitives")
     only = replace(family, items=family.items[2:3])
-    shown = only[0].resampled(SAMPLES, by="time").configurations
+    shown = only[0].resample(SAMPLES, by="time").configurations
     path = JOINT_PREDICTORS["dmp_nearest"](only, *shown[[0, -1]])
     assert np.abs(path - shown).max() < 0.05
     line = JOINT_PREDICTORS["joint_line"](only, *shown[[0, -1]])
@@ -62,13 +62,13 @@ def test_the_nearest_is_one_of_the_demonstrations_and_for_its_own_ends_the_very_
         assert nearest(family, *item.configurations[[0, -1]]) is item
     beside = family[2].configurations[[0, -1]] + 0.01 * BESIDE
     path = JOINT_PREDICTORS["nearest_demonstration"](family, *beside)
-    np.testing.assert_array_equal(path, family[2].resampled(SAMPLES).configurations)
+    np.testing.assert_array_equal(path, family[2].resample(SAMPLES).configurations)
 
 
 def test_a_primitive_of_several_lies_between_them(family):
     """Conditioned on the ends of their mean it stays inside of what they demonstrated, but for its few weights."""
     pytest.importorskip("movement_primitives")
-    shown = family.resampled(SAMPLES, by="time").configurations_array()
+    shown = family.resample(SAMPLES, by="time").configurations_array()
     path = JOINT_PREDICTORS["promp"](family, *shown.mean(axis=0)[[0, -1]])
     beyond = np.maximum(path - shown.max(axis=0), shown.min(axis=0) - path)
     assert beyond.max() < 0.05

@@ -75,7 +75,7 @@ def test_frechet_is_at_least_the_largest_distance_of_the_ends_and_at_least_dtw(s
     found = compare(first, second)
     ends = np.linalg.norm(first.positions[[0, -1]] - second.positions[[0, -1]], axis=1)
     assert found.frechet >= ends.max() - 1e-12
-    equal_arc = np.linalg.norm(first.resampled(200).positions - second.resampled(200).positions, axis=1)
+    equal_arc = np.linalg.norm(first.resample(200).positions - second.resample(200).positions, axis=1)
     assert found.frechet <= equal_arc.max() + 1e-12
 
 

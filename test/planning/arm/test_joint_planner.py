@@ -9,7 +9,7 @@ import pytest
 from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
 
-from geodesic_motion_ros.demonstrations.canonical import along_body_arc
+from geodesic_motion_ros.demonstrations.canonical import sample_body_arc
 from geodesic_motion_ros.geometry.distance_field import DistanceField
 from geodesic_motion_ros.geometry.shapes import solid_distances, solid_rows
 from geodesic_motion_ros.manifold.metric_field import curve_length
@@ -78,7 +78,7 @@ def test_a_start_beside_the_others_joins_their_path_by_the_fade_of_the_skill(rea
     def halfway(fade: float, first: np.ndarray) -> np.ndarray:
         skill = replace(reach_skill, canonical=replace(reach_skill.canonical, fade=fade))
         reference = ReactivePlanner(skill, planner.settings).plan_configurations(first, requested).reference
-        path = along_body_arc(reference.positions, planner.robot, skill.metric, 101)
+        path = sample_body_arc(reference.positions, planner.robot, skill.metric, 101)
         np.testing.assert_allclose(path[[0, -1]], [first, goal], atol=1e-6)
         return planner.robot.forward(path[50])[0]
 
