@@ -64,6 +64,6 @@ $(ready): requirements.txt setup.py studies/setup.py
 
 $(kernels): $(ready) $(sources)
 	@find geodesic_motion_ros studies/geodesic_motion_studies -name '*.nb[ic]' -delete
-	@$(python) -m geodesic_motion_ros.planning.kernels < /dev/null
+	@$(python) -m geodesic_motion_ros.kernels.compile_ahead < /dev/null
 	@$(python) -m geodesic_motion_ros.skill.kept_graph < /dev/null
 	@touch $@

@@ -26,7 +26,7 @@ from scipy.interpolate import CubicSpline
 from geodesic_motion_ros.demonstrations.demonstrations import Demonstration, Demonstrations
 from geodesic_motion_ros.demonstrations.joint_demonstrations import JointDemonstration, JointDemonstrations
 from geodesic_motion_ros.geometry.quaternions import rotate_by
-from geodesic_motion_ros.planning.kernels import compile_kernels
+from geodesic_motion_ros.kernels.compile_ahead import compile_kernels
 from geodesic_motion_ros.robot.description import SHIPPED
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.robot.limits import JointLimits
@@ -439,3 +439,21 @@ def recording(tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("recording") / "reach.npy"
     np.save(path, np.array(items))
     return path
+
+
+#: Six joints in a row: base, shoulder, elbow, and three of a wrist.
+SIX = """<robot name="six"><link name="l0"/>{}</robot>"""
+AXES, LENGTHS = ("0 0 1", "0 1 0", "0 1 0", "0 0 1", "0 1 0", "0 0 1"), (0.3, 0.1, 0.4, 0.2, 0.2, 0.05)
+
+
+@pytest.fixture(scope="session")
+def six(tmp_path_factory: pytest.TempPathFactory) -> Robot:
+    joints = "".join(
+        f'<link name="l{i + 1}"/><joint name="j{i}" type="revolute"><parent link="l{i}"/><child link="l{i + 1}"/>'
+        f'<origin xyz="0 0 {length}"/><axis xyz="{axis}"/>'
+        '<limit lower="-2.8" upper="2.8" velocity="2" effort="9"/></joint>'
+        for i, (axis, length) in enumerate(zip(AXES, LENGTHS, strict=True))
+    )
+    file = tmp_path_factory.mktemp("six") / "six.urdf"
+    file.write_text(SIX.format(joints))
+    return Robot.from_urdf(file, "l0", "l6")

@@ -13,8 +13,8 @@ import numpy as np
 import pytest
 
 from geodesic_motion_ros.geometry.quaternions import rotate_by
-from geodesic_motion_ros.planning import search
 from geodesic_motion_ros.planning.planner import ReactivePlanner
+from geodesic_motion_ros.queries import search
 from geodesic_motion_ros.skill.skill import Skill
 
 ANSWERS = Path(__file__).parent / "answers"

@@ -25,8 +25,13 @@ FLOORS = (
     {"robot", "obstacles"},
     {"manifold"},
     {"skill", "trajectory"},
+    {"contract"},
+    {"certification"},
+    {"queries"},
+    {"detours"},
+    {"motion"},
     {"planning", "demonstrations"},
-    {"simulation", "visualization", "learning"},
+    {"kernels", "simulation", "visualization", "learning"},
     {"nodes"},
     {"demo", "paper"},
     {"cli"},
@@ -99,7 +104,7 @@ def test_imports_lead_downward_alone() -> None:
 @pytest.mark.parametrize(
     ("place", "text", "violation"),
     [
-        ("planning/mode.py", "from geodesic_motion_ros.nodes import clock", "imports geodesic_motion_ros.nodes.clock"),
+        ("contract/mode.py", "from geodesic_motion_ros.nodes import clock", "imports geodesic_motion_ros.nodes.clock"),
         ("planning/planner.py", "def tick():\n    import torch.nn", "imports torch.nn"),
         ("manifold/grid.py", "from ..learning import training", "imports geodesic_motion_ros.learning.training"),
         ("robot/model.py", "from geodesic_motion_ros import obstacles", "imports geodesic_motion_ros.obstacles"),
@@ -135,6 +140,32 @@ def test_a_module_in_the_root_and_a_folder_without_a_floor_are_found(tmp_path: P
     (tmp_path / PACKAGE / "planner.py").touch()
     (folder / "text.py").touch()
     assert violations(tmp_path / PACKAGE) == ["planner.py stands in the root", "helpers has no floor"]
+
+
+def floors_within(folder: Path) -> dict[str, int]:
+    """The floor of each module of a folder, from 1: one above the highest of those that it imports."""
+    files = {".".join(file.relative_to(SOURCE.parent).with_suffix("").parts): file for file in folder.rglob("*.py")}
+    below = {}
+    for module, file in files.items():
+        names = list(imports(list(ast.walk(ast.parse(file.read_text()))), file, SOURCE))
+        # Of `from folder.module import name`, and of `from folder import module`.
+        below[module] = {other for name in names for other in (name, name.rpartition(".")[0]) if other in files}
+    floors: dict[str, int] = {}
+    while len(floors) < len(files):
+        ready = {module for module in below if module not in floors and below[module] - {module} <= floors.keys()}
+        assert ready, f"a circle among {sorted(below.keys() - floors.keys())}"
+        floors |= {module: 1 + max((floors[other] for other in below[module] - {module}), default=0) for module in ready}
+    return floors
+
+
+#: Folders that a tick goes through.
+TICK = ("contract", "certification", "queries", "detours", "motion", "planning", "trajectory", "obstacles", "manifold")
+
+
+@pytest.mark.parametrize("folder", TICK)
+def test_modules_of_a_folder_stand_on_few_floors(folder: str) -> None:
+    floors = floors_within(SOURCE / folder)
+    assert 1 < max(floors.values()) <= 6, floors
 
 
 def test_planning_loads_neither_torch_nor_ros_nor_pybullet() -> None:

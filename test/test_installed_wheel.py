@@ -22,7 +22,7 @@ import numpy as np
 import pytest
 
 import geodesic_motion_ros
-from geodesic_motion_ros.planning.status import VerdictCode
+from geodesic_motion_ros.contract.status import VerdictCode
 
 REPOSITORY = Path(__file__).resolve().parents[1]
 PACKAGE = "geodesic_motion_ros"

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from geodesic_motion_ros.planning.status import VerdictCode
+from geodesic_motion_ros.contract.status import VerdictCode
 
 REPOSITORY = Path(__file__).resolve().parents[1]
 README, BEHAVIOUR = REPOSITORY / "README.md", REPOSITORY / "doc" / "behaviour.md"

@@ -15,7 +15,7 @@ from typing import Protocol
 
 from geodesic_motion_ros.cli import demo, demonstrate, goal, guide, inspect, robot, train
 from geodesic_motion_ros.cli.arguments import HelpFormatter, needing
-from geodesic_motion_ros.planning.kernels import compile_kernels
+from geodesic_motion_ros.kernels.compile_ahead import compile_kernels
 from geodesic_motion_ros.utils.errors import GeodesicMotionError, ParameterError
 from geodesic_motion_ros.utils.piped_output import until_reader_leaves
 

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 def planner_of(skill: Skill) -> ReactivePlanner:
     """Make the planner that the report of a skill is of: in the scene that the skill keeps, else in an empty one."""
-    from geodesic_motion_ros.planning.declared_scene import DeclaredScene
+    from geodesic_motion_ros.certification.declared_scene import DeclaredScene
     from geodesic_motion_ros.planning.planner import ReactivePlanner
 
     # Without a scene there would be no detours to measure.

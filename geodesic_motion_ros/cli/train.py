@@ -36,9 +36,9 @@ from geodesic_motion_ros.utils.errors import ParameterError
 from geodesic_motion_ros.utils.tables import write_json
 
 if TYPE_CHECKING:
+    from geodesic_motion_ros.certification.declared_scene import DeclaredScene
     from geodesic_motion_ros.demonstrations.demonstrations import Demonstrations
     from geodesic_motion_ros.demonstrations.recordings import Recording
-    from geodesic_motion_ros.planning.declared_scene import DeclaredScene
     from geodesic_motion_ros.planning.planner import ReactivePlanner
     from geodesic_motion_ros.skill.skill import Skill
 
@@ -184,8 +184,8 @@ def _add_training(group: argparse._ArgumentGroup) -> None:
 
 def run(arguments: argparse.Namespace, measures: Mapping[str, Measure] | None = None) -> int:
     """Train, measure, save, plan with the skill, report; returns the exit status."""
+    from geodesic_motion_ros.certification.declared_scene import DeclaredScene
     from geodesic_motion_ros.cli.recorded import read_recorded, refuse_unsaid_order
-    from geodesic_motion_ros.planning.declared_scene import DeclaredScene
 
     paths = tuple(arguments.bag or (arguments.demos,))
     options = {name: module.OPTIONS for name, module in _SPACES.items()}
@@ -247,8 +247,8 @@ def _measure(measures: Mapping[str, Measure] | None, space: str) -> Measure:
 
 def _recorded_in(scene: DeclaredScene, skill: Skill) -> Skill:
     """The skill with the scene that it was recorded in; SkillError where its demonstrations enter that."""
-    from geodesic_motion_ros.planning.declared_scene import check_demonstrations
-    from geodesic_motion_ros.planning.output_space import OutputSpace
+    from geodesic_motion_ros.certification.declared_scene import check_demonstrations
+    from geodesic_motion_ros.queries.output_space import OutputSpace
     from geodesic_motion_ros.robot.collision_model import CollisionModel
     from geodesic_motion_ros.robot.kinematics import Robot
 

@@ -22,6 +22,7 @@ from typing import Any
 import numpy as np
 import yaml
 
+from geodesic_motion_ros.certification.declared_scene import DeclaredScene
 from geodesic_motion_ros.demo.demo_options import SCENE, parsed
 from geodesic_motion_ros.demo.demo_run import (
     DemoError,
@@ -37,7 +38,6 @@ from geodesic_motion_ros.demo.elbow_scene import ElbowScene
 from geodesic_motion_ros.demo.hand_scene import HandScene
 from geodesic_motion_ros.demo.joint_scene import JointScene
 from geodesic_motion_ros.geometry.quaternions import angle_between
-from geodesic_motion_ros.planning.declared_scene import DeclaredScene
 from geodesic_motion_ros.simulation.scripted_spheres import LineObstacle
 from geodesic_motion_ros.skill.skill import Skill
 from geodesic_motion_ros.utils.errors import GeodesicMotionError, SkillError

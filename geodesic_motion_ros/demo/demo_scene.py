@@ -9,12 +9,12 @@ from types import MappingProxyType
 
 import numpy as np
 
+from geodesic_motion_ros.certification.declared_scene import DeclaredScene
 from geodesic_motion_ros.demo.demo_run import Recording
+from geodesic_motion_ros.motion.plan import Plan
 from geodesic_motion_ros.nodes.parameter_tables import PLANNER
 from geodesic_motion_ros.nodes.parameters import Value
 from geodesic_motion_ros.nodes.planner_parameters import defaults_of_robot, planner_settings
-from geodesic_motion_ros.planning.declared_scene import DeclaredScene
-from geodesic_motion_ros.planning.plan import Plan
 from geodesic_motion_ros.planning.planner import ReactivePlanner
 from geodesic_motion_ros.simulation.scripted_spheres import LineObstacle
 from geodesic_motion_ros.skill.skill import Skill

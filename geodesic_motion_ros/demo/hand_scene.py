@@ -14,7 +14,7 @@ from geodesic_motion_ros.demo.demo_run import Recording
 from geodesic_motion_ros.demo.demo_scene import DemoScene
 from geodesic_motion_ros.geometry.quaternions import to_rotation
 from geodesic_motion_ros.manifold.pose_graph import PoseGraph
-from geodesic_motion_ros.planning.path_smoothing import smooth_latent
+from geodesic_motion_ros.queries.path_smoothing import smooth_latent
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.simulation.scripted_spheres import LineObstacle, crossing
 from geodesic_motion_ros.trajectory.trajectory import JointReference

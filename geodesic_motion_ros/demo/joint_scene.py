@@ -15,7 +15,7 @@ from geodesic_motion_ros.demo.demo_pictures import AROUND_RGB, FREE_RGB, Curve, 
 from geodesic_motion_ros.demo.demo_run import Recording
 from geodesic_motion_ros.demo.demo_scene import DemoScene
 from geodesic_motion_ros.demo.hand_scene import across_the_hand
-from geodesic_motion_ros.planning.path_smoothing import smooth_latent
+from geodesic_motion_ros.queries.path_smoothing import smooth_latent
 from geodesic_motion_ros.robot.body_points import end_effector_poses
 from geodesic_motion_ros.simulation.scripted_spheres import LineObstacle
 from geodesic_motion_ros.visualization.joint_plots import draw_tubes

@@ -6,9 +6,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from geodesic_motion_ros.contract.status import Refusal, VerdictCode
 from geodesic_motion_ros.nodes.deviation import have_joints_moved
 from geodesic_motion_ros.nodes.input_faults import Halt
-from geodesic_motion_ros.planning.status import Refusal, VerdictCode
 
 #: An arm that was lost rests when it has stayed this long [s] near one place.
 REST_TIME = 0.5

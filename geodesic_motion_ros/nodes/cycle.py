@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
+from geodesic_motion_ros.contract.status import Refusal, Verdict, VerdictCode
 from geodesic_motion_ros.obstacles.tracker import ObstacleSet
-from geodesic_motion_ros.planning.status import Refusal, Verdict, VerdictCode
 from geodesic_motion_ros.robot.held_objects import HeldObject
 from geodesic_motion_ros.trajectory.trajectory import JointReference
 
@@ -101,7 +101,7 @@ class CycleOutput:
     reference : the path to the goal, with an OK verdict only. time_to_goal : until it ends [s], nan without.
     configuration : commanded (eta,) [rad], from a planner of configurations.
     speed : of the fastest joint [rad/s], from a planner of poses of the tool [m/s].
-    mode : what the arm does (`planning.mode`); "" from planners that have no modes.
+    mode : what the arm does (`contract.mode`); "" from planners that have no modes.
     """
 
     verdict: Verdict

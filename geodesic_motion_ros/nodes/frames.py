@@ -14,8 +14,8 @@ from rclpy.duration import Duration
 from rclpy.node import Node
 from rclpy.time import Time as RosTime
 
+from geodesic_motion_ros.contract.status import Refusal, VerdictCode
 from geodesic_motion_ros.nodes.messages import FrameLookup, FramePose
-from geodesic_motion_ros.planning.status import Refusal, VerdictCode
 
 
 class TransformBuffer(Protocol):

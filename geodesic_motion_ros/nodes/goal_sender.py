@@ -19,10 +19,10 @@ from rclpy.qos import QoSProfile
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Header
 
+from geodesic_motion_ros.contract.mode import Mode
+from geodesic_motion_ros.contract.status import VerdictCode
 from geodesic_motion_ros.nodes.messages import pose_message, seconds
 from geodesic_motion_ros.nodes.newest_goal import PREPARING
-from geodesic_motion_ros.planning.mode import Mode
-from geodesic_motion_ros.planning.status import VerdictCode
 from geodesic_motion_ros.utils.errors import GeodesicMotionError, ParameterError
 
 #: How long [s] by default a planner is waited for that is not there, and an arm that stands.

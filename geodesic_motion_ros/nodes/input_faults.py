@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from geodesic_motion_ros.contract.status import Refusal, Verdict, VerdictCode
 from geodesic_motion_ros.nodes.cycle import CycleInputs
-from geodesic_motion_ros.planning.status import Refusal, Verdict, VerdictCode
 
 #: What is reported where a simulated clock is to be followed and there is none.
 NO_CLOCK = "use_sim_time is set, and nothing has been received on /clock"

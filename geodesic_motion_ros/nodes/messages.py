@@ -23,9 +23,9 @@ from sensor_msgs.msg import Image, JointState, PointCloud2, PointField
 from std_msgs.msg import Header
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
+from geodesic_motion_ros.contract.status import Refusal, VerdictCode
 from geodesic_motion_ros.geometry.quaternions import normalise
 from geodesic_motion_ros.geometry.task_frame import TaskFrame
-from geodesic_motion_ros.planning.status import Refusal, VerdictCode
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.simulation.trajectory_player import JointWaypoints
 from geodesic_motion_ros.utils.checked_numbers import LARGEST_NUMBER

@@ -6,10 +6,10 @@ from collections.abc import Callable
 from concurrent.futures import Executor
 from typing import Generic
 
+from geodesic_motion_ros.contract.status import Refusal, Verdict, VerdictCode
 from geodesic_motion_ros.nodes.cycle import CycleInputs
 from geodesic_motion_ros.nodes.input_faults import Halt
 from geodesic_motion_ros.nodes.preparation import Preparation, Prepared
-from geodesic_motion_ros.planning.status import Refusal, Verdict, VerdictCode
 
 #: What is reported of a goal while it is being prepared.
 PREPARING = "the newest goal is being prepared"

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from typing import get_args
 
+from geodesic_motion_ros.contract.settings import LARGEST_DETOUR, Unseen
 from geodesic_motion_ros.manifold.ambient_law import LAWS
 from geodesic_motion_ros.nodes.parameters import Parameter
-from geodesic_motion_ros.planning.settings import LARGEST_DETOUR, Unseen
 from geodesic_motion_ros.robot.description import DEFAULT_ROBOT, RobotDescription
 
 #: Defaults that belong to a robot are those of this one; each stands for the same of whatever robot a node is of.

@@ -18,8 +18,12 @@ from functools import partial
 
 import numpy as np
 
+from geodesic_motion_ros.certification.arm_clearance import obstacle_clearance
+from geodesic_motion_ros.contract.status import Refusal, Verdict, VerdictCode
 from geodesic_motion_ros.geometry.distance_field import DistanceField
 from geodesic_motion_ros.geometry.task_frame import TaskFrame
+from geodesic_motion_ros.motion.plan import Plan
+from geodesic_motion_ros.motion.tracking import COUNTED, TrackingMonitor
 from geodesic_motion_ros.nodes.arm_watch import ArmWatch, UnsettledArm
 from geodesic_motion_ros.nodes.cycle import CycleInputs, CycleOutput, Pose
 from geodesic_motion_ros.nodes.cycle_clock import CycleClock
@@ -28,13 +32,9 @@ from geodesic_motion_ros.nodes.input_faults import Halt, readiness, rivals, stal
 from geodesic_motion_ros.nodes.newest_goal import NewestGoal
 from geodesic_motion_ros.nodes.preparation import Preparation
 from geodesic_motion_ros.obstacles.obstacles import Obstacles
-from geodesic_motion_ros.planning.arm_clearance import obstacle_clearance
 from geodesic_motion_ros.planning.guarded_arm import PreparedArm
 from geodesic_motion_ros.planning.mission import PreparedGoal
-from geodesic_motion_ros.planning.plan import Plan
 from geodesic_motion_ros.planning.planner import ReactivePlanner
-from geodesic_motion_ros.planning.status import Refusal, Verdict, VerdictCode
-from geodesic_motion_ros.planning.tracking import COUNTED, TrackingMonitor
 from geodesic_motion_ros.robot.held_objects import HeldObject
 from geodesic_motion_ros.trajectory.receding_horizon import Horizon
 from geodesic_motion_ros.trajectory.trajectory import JointReference

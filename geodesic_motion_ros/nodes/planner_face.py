@@ -14,6 +14,7 @@ import numpy as np
 from nav_msgs.srv import GetPlan
 from std_srvs.srv import SetBool, Trigger
 
+from geodesic_motion_ros.contract.status import Refusal, Verdict, VerdictCode
 from geodesic_motion_ros.nodes.arrival import ArrivalWatch
 from geodesic_motion_ros.nodes.background_service import BackgroundService
 from geodesic_motion_ros.nodes.cycle import CycleInputs, CycleOutput, Pose
@@ -24,7 +25,6 @@ from geodesic_motion_ros.nodes.planner_outputs import PlannerOutputs
 from geodesic_motion_ros.nodes.running import STEADY, LoopingNode
 from geodesic_motion_ros.nodes.steady_loop import SteadyLoop
 from geodesic_motion_ros.nodes.view_thread import ViewThread
-from geodesic_motion_ros.planning.status import Refusal, Verdict, VerdictCode
 from geodesic_motion_ros.robot.held_objects import HeldObject
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.skill.skill import Skill

@@ -17,6 +17,7 @@ from sensor_msgs.msg import JointState, PointCloud2
 from std_msgs.msg import String
 from visualization_msgs.msg import Marker, MarkerArray
 
+from geodesic_motion_ros.contract.status import Refusal, VerdictCode
 from geodesic_motion_ros.geometry.distance_field import DistanceField
 from geodesic_motion_ros.nodes.arm_state import ArmState
 from geodesic_motion_ros.nodes.cloud_thread import CloudFigures, CloudThread, points_near
@@ -46,7 +47,6 @@ from geodesic_motion_ros.nodes.parameters import NodeParameters
 from geodesic_motion_ros.nodes.publishers import LATCHED
 from geodesic_motion_ros.nodes.refusals import RefusalLog
 from geodesic_motion_ros.obstacles.tracker import Key, ObstacleTracker
-from geodesic_motion_ros.planning.status import Refusal, VerdictCode
 from geodesic_motion_ros.robot.held_objects import HeldObject
 from geodesic_motion_ros.robot.kinematics import Robot
 

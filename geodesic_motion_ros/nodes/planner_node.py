@@ -13,8 +13,11 @@ from typing import Any
 
 import numpy as np
 
+from geodesic_motion_ros.contract.settings import CHANGEABLE
+from geodesic_motion_ros.contract.status import Verdict
 from geodesic_motion_ros.geometry.quaternions import continuous_signs
 from geodesic_motion_ros.geometry.task_frame import TaskFrame
+from geodesic_motion_ros.kernels.loading import load_kernels
 from geodesic_motion_ros.nodes.cycle import CycleInputs, CycleOutput, Pose
 from geodesic_motion_ros.nodes.parameter_tables import PLANNER
 from geodesic_motion_ros.nodes.parameters import NodeParameters, Value
@@ -31,9 +34,6 @@ from geodesic_motion_ros.nodes.scene_parameter import declared_scene
 from geodesic_motion_ros.nodes.usage import PROGRAMS
 from geodesic_motion_ros.planning.detour_worker import DetourWorker
 from geodesic_motion_ros.planning.planner import ReactivePlanner
-from geodesic_motion_ros.planning.settings import CHANGEABLE
-from geodesic_motion_ros.planning.status import Verdict
-from geodesic_motion_ros.planning.warm_up import load_kernels
 from geodesic_motion_ros.robot.body_points import end_effector_poses
 from geodesic_motion_ros.skill.skill import Skill
 from geodesic_motion_ros.trajectory.trajectory import JointReference

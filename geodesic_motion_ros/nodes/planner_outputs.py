@@ -21,6 +21,8 @@ from sensor_msgs.msg import Image, JointState
 from trajectory_msgs.msg import JointTrajectory
 from visualization_msgs.msg import Marker, MarkerArray
 
+from geodesic_motion_ros.certification.declared_scene import DeclaredScene
+from geodesic_motion_ros.contract.status import VerdictCode
 from geodesic_motion_ros.geometry.task_frame import TaskFrame
 from geodesic_motion_ros.nodes.cloud_thread import CloudFigures
 from geodesic_motion_ros.nodes.cycle import CycleOutput, Pose
@@ -46,8 +48,6 @@ from geodesic_motion_ros.nodes.refusals import RefusalLog
 from geodesic_motion_ros.nodes.steady_loop import LoopStatistics, SteadyLoop
 from geodesic_motion_ros.nodes.trajectory_bytes import joint_trajectory_bytes
 from geodesic_motion_ros.obstacles.tracker import ObstacleSet
-from geodesic_motion_ros.planning.declared_scene import DeclaredScene
-from geodesic_motion_ros.planning.status import VerdictCode
 from geodesic_motion_ros.robot.held_objects import HeldObject
 from geodesic_motion_ros.trajectory.trajectory import JointReference
 

@@ -7,9 +7,9 @@ from collections.abc import Mapping
 import numpy as np
 from rclpy.node import Node
 
+from geodesic_motion_ros.contract.settings import PlannerSettings
 from geodesic_motion_ros.nodes.parameter_tables import PLANNER
 from geodesic_motion_ros.nodes.parameters import NodeParameters, Value
-from geodesic_motion_ros.planning.settings import PlannerSettings
 from geodesic_motion_ros.robot.collision_model import tool_spheres
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.skill.skill import Skill

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from geodesic_motion_ros.planning.declared_scene import DeclaredScene
+from geodesic_motion_ros.certification.declared_scene import DeclaredScene
 from geodesic_motion_ros.skill.skill import Skill
 from geodesic_motion_ros.utils.errors import FileError, ParameterError
 

@@ -15,7 +15,7 @@ from collections.abc import Callable, Sequence
 from types import FrameType
 
 from geodesic_motion_ros import nodes as _nodes  # noqa: F401  (sets the environment of numpy before it is loaded)
-from geodesic_motion_ros.planning.kernels import compile_kernels
+from geodesic_motion_ros.kernels.compile_ahead import compile_kernels
 from geodesic_motion_ros.utils.piped_output import until_reader_leaves
 
 

@@ -8,10 +8,10 @@ from functools import cache
 import numpy as np
 import yaml
 
+from geodesic_motion_ros.certification.declared_scene import DeclaredScene
 from geodesic_motion_ros.nodes.parameter_tables import TWIN
 from geodesic_motion_ros.nodes.parameters import Value
 from geodesic_motion_ros.nodes.scene_parameter import declared_scene
-from geodesic_motion_ros.planning.declared_scene import DeclaredScene
 from geodesic_motion_ros.robot.description import DEFAULT_ROBOT, RobotDescription
 from geodesic_motion_ros.robot.inverse_kinematics import solve
 from geodesic_motion_ros.robot.kinematics import Robot

@@ -10,6 +10,7 @@ from functools import partial
 
 import numpy as np
 
+from geodesic_motion_ros.contract.status import Figures, Refusal, Verdict, VerdictCode
 from geodesic_motion_ros.geometry.task_frame import TaskFrame
 from geodesic_motion_ros.nodes.arm_watch import ArmWatch
 from geodesic_motion_ros.nodes.cycle import CycleInputs, CycleOutput, Pose
@@ -18,7 +19,6 @@ from geodesic_motion_ros.nodes.input_faults import readiness, rivals, stale_stat
 from geodesic_motion_ros.nodes.newest_goal import NewestGoal
 from geodesic_motion_ros.paper.paper_planner import CAUTION, PaperGoal, PaperPlanner
 from geodesic_motion_ros.paper.streams import PoseStream, TrajectoryStream
-from geodesic_motion_ros.planning.status import Figures, Refusal, Verdict, VerdictCode
 from geodesic_motion_ros.utils.deadline import Deadline
 
 #: Share of a period after which a search is interrupted: what follows it, the spline and its decoding, takes up to

@@ -9,6 +9,9 @@ from typing import Any
 
 import numpy as np
 
+from geodesic_motion_ros.certification.declared_scene import DeclaredScene
+from geodesic_motion_ros.contract.settings import TOOL_LIMITS
+from geodesic_motion_ros.contract.status import Verdict
 from geodesic_motion_ros.geometry.task_frame import TaskFrame
 from geodesic_motion_ros.nodes.cycle import CycleInputs, CycleOutput, Pose
 from geodesic_motion_ros.nodes.parameters import NodeParameters, Value
@@ -19,9 +22,6 @@ from geodesic_motion_ros.paper.paper_cycle import PaperCycle
 from geodesic_motion_ros.paper.paper_parameters import PAPER, PROGRAM
 from geodesic_motion_ros.paper.paper_planner import CAUTION, PaperPlanner, PaperSettings
 from geodesic_motion_ros.paper.streams import PoseStream, TrajectoryStream
-from geodesic_motion_ros.planning.declared_scene import DeclaredScene
-from geodesic_motion_ros.planning.settings import TOOL_LIMITS
-from geodesic_motion_ros.planning.status import Verdict
 from geodesic_motion_ros.utils.errors import ParameterError
 from geodesic_motion_ros.visualization.latent_view import LatentPicture, LatentView
 

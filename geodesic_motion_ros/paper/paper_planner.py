@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from geodesic_motion_ros.contract.status import Figures, Refusal, Verdict, VerdictCode
 from geodesic_motion_ros.geometry.curves import PoseCurve
 from geodesic_motion_ros.geometry.fitted_spline import fitted_spline
 from geodesic_motion_ros.geometry.quaternions import angle_between, continuous_signs, normalise
@@ -19,7 +20,6 @@ from geodesic_motion_ros.obstacles.obstacles import Obstacles
 from geodesic_motion_ros.paper.dense_graph import dense_graph
 from geodesic_motion_ros.paper.follower import TimedPath
 from geodesic_motion_ros.paper.literal_search import LiteralSearch
-from geodesic_motion_ros.planning.status import Figures, Refusal, Verdict, VerdictCode
 from geodesic_motion_ros.robot.body_points import end_effector_poses
 from geodesic_motion_ros.robot.held_objects import HeldObject
 from geodesic_motion_ros.robot.kinematics import Robot

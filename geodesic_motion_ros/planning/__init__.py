@@ -1,1 +1,1 @@
-"""From a goal, obstacles and a skill to a certified trajectory; knows nothing of ROS."""
+"""What an arm does next: a situation, proposers in their order, an arbiter; and the planner around them."""

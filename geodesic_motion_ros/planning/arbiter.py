@@ -11,21 +11,21 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, replace
 
-from geodesic_motion_ros.planning.detour import DetourRequest, without_detour
+from geodesic_motion_ros.contract.mode import Purpose
+from geodesic_motion_ros.contract.status import Refusal, VerdictCode
+from geodesic_motion_ros.motion.detour import DetourRequest, without_detour
+from geodesic_motion_ros.motion.played import FollowedPlan, Step
+from geodesic_motion_ros.motion.retry import PastSearch, Question
 from geodesic_motion_ros.planning.guarded_arm import GuardedArm
 from geodesic_motion_ros.planning.memory import AttemptMemory
 from geodesic_motion_ros.planning.mission import Mission
-from geodesic_motion_ros.planning.mode import Purpose
-from geodesic_motion_ros.planning.played import FollowedPlan, Step
 from geodesic_motion_ros.planning.proposers.approach import Approach, KeptApproach
 from geodesic_motion_ros.planning.proposers.evasion import Evasion, KeptEvasion
 from geodesic_motion_ros.planning.proposers.found_detour import FoundDetour, WantedDetour
 from geodesic_motion_ros.planning.proposers.graph import GraphPath
 from geodesic_motion_ros.planning.proposers.turn import Proposer, Turn
-from geodesic_motion_ros.planning.query import ArmQuery
-from geodesic_motion_ros.planning.retry import PastSearch, Question
 from geodesic_motion_ros.planning.situation import Situation
-from geodesic_motion_ros.planning.status import Refusal, VerdictCode
+from geodesic_motion_ros.queries.query import ArmQuery
 
 #: Who is asked what an arm without a path does, in this order.
 PROPOSERS: tuple[Proposer, ...] = (

@@ -7,8 +7,8 @@ from collections.abc import Callable
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass
 
-from geodesic_motion_ros.planning.detour import Detour
-from geodesic_motion_ros.planning.status import Refusal, VerdictCode
+from geodesic_motion_ros.contract.status import Refusal, VerdictCode
+from geodesic_motion_ros.motion.detour import Detour
 
 Search = Callable[[], Detour | Refusal]
 _LOGGER = logging.getLogger(__name__)

@@ -8,17 +8,17 @@ from typing import Any
 
 import numpy as np
 
+from geodesic_motion_ros.contract.settings import PlannerSettings
+from geodesic_motion_ros.contract.status import Refusal, VerdictCode
 from geodesic_motion_ros.geometry.pose import Pose
 from geodesic_motion_ros.geometry.task_frame import TaskFrame
+from geodesic_motion_ros.motion.detour import COVERED_END, Detour, DetourPlanner, DetourRequest, without_detour
+from geodesic_motion_ros.motion.plan import MotionState, Plan
+from geodesic_motion_ros.motion.played import FollowedPlan
+from geodesic_motion_ros.motion.solver import Solver
 from geodesic_motion_ros.obstacles.obstacles import Obstacles
-from geodesic_motion_ros.planning.detour import COVERED_END, Detour, DetourPlanner, DetourRequest, without_detour
 from geodesic_motion_ros.planning.mission import GoalRequest
-from geodesic_motion_ros.planning.plan import MotionState, Plan
-from geodesic_motion_ros.planning.played import FollowedPlan
-from geodesic_motion_ros.planning.query import ArmGoal, ArmQuery, QueryBuilder
-from geodesic_motion_ros.planning.settings import PlannerSettings
-from geodesic_motion_ros.planning.solver import Solver
-from geodesic_motion_ros.planning.status import Refusal, VerdictCode
+from geodesic_motion_ros.queries.query import ArmGoal, ArmQuery, QueryBuilder
 from geodesic_motion_ros.robot.collision_model import CollisionModel
 from geodesic_motion_ros.robot.held_objects import HeldObject
 from geodesic_motion_ros.robot.limits import JointLimits

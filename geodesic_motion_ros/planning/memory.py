@@ -6,16 +6,16 @@ import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 
+from geodesic_motion_ros.contract.settings import Attempt
+from geodesic_motion_ros.contract.status import Refusal, VerdictCode
+from geodesic_motion_ros.motion.detour import Detour, DetourRequest
+from geodesic_motion_ros.motion.plan import Plan
+from geodesic_motion_ros.motion.retry import PastSearch, Question, Workings
+from geodesic_motion_ros.motion.solver import Solver
 from geodesic_motion_ros.obstacles.obstacles import Obstacles
-from geodesic_motion_ros.planning.detour import Detour, DetourRequest
 from geodesic_motion_ros.planning.detour_worker import DetourJob
-from geodesic_motion_ros.planning.plan import Plan
-from geodesic_motion_ros.planning.query import ArmQuery
-from geodesic_motion_ros.planning.retry import PastSearch, Question, Workings
-from geodesic_motion_ros.planning.settings import Attempt
 from geodesic_motion_ros.planning.situation import Situation
-from geodesic_motion_ros.planning.solver import Solver
-from geodesic_motion_ros.planning.status import Refusal, VerdictCode
+from geodesic_motion_ros.queries.query import ArmQuery
 
 
 @dataclass(frozen=True)

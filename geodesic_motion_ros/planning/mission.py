@@ -9,9 +9,9 @@ import numpy as np
 
 from geodesic_motion_ros.geometry.pose import Pose
 from geodesic_motion_ros.geometry.task_frame import TaskFrame
+from geodesic_motion_ros.motion.tracking import Tracking
 from geodesic_motion_ros.obstacles.obstacles import Obstacles
-from geodesic_motion_ros.planning.query import ArmGoal, ArmQuery
-from geodesic_motion_ros.planning.tracking import Tracking
+from geodesic_motion_ros.queries.query import ArmGoal, ArmQuery
 
 
 @dataclass(frozen=True, eq=False)

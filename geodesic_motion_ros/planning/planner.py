@@ -18,29 +18,29 @@ from typing import Any
 
 import numpy as np
 
+from geodesic_motion_ros.certification.certificate import JudgedTrajectory
+from geodesic_motion_ros.certification.declared_scene import DeclaredScene, check_demonstrations
+from geodesic_motion_ros.contract import settings as constants
+from geodesic_motion_ros.contract.mode import Mode
+from geodesic_motion_ros.contract.settings import PlannerSettings
+from geodesic_motion_ros.contract.status import Refusal, Verdict, VerdictCode
 from geodesic_motion_ros.geometry.task_frame import TaskFrame
 from geodesic_motion_ros.manifold.configuration_graph import ConfigurationGraph
 from geodesic_motion_ros.manifold.pose_graph import PoseGraph
+from geodesic_motion_ros.motion.plan import Plan
+from geodesic_motion_ros.motion.solver import Solver
+from geodesic_motion_ros.motion.stream import Stream
+from geodesic_motion_ros.motion.tracking import Tracking
 from geodesic_motion_ros.obstacles.obstacles import Obstacles
-from geodesic_motion_ros.planning import settings as constants
 from geodesic_motion_ros.planning.arbiter import Arbiter, Decision
-from geodesic_motion_ros.planning.certificate import JudgedTrajectory
-from geodesic_motion_ros.planning.declared_scene import DeclaredScene, check_demonstrations
 from geodesic_motion_ros.planning.detour_worker import DetourWorker
 from geodesic_motion_ros.planning.guarded_arm import GuardedArm, PreparedArm
 from geodesic_motion_ros.planning.memory import AttemptMemory, DetourSearch
 from geodesic_motion_ros.planning.mission import GoalRequest, Inputs, Mission, PreparedGoal
-from geodesic_motion_ros.planning.mode import Mode
-from geodesic_motion_ros.planning.output_space import OutputSpace
-from geodesic_motion_ros.planning.plan import Plan
-from geodesic_motion_ros.planning.pose_query import checked_pose
-from geodesic_motion_ros.planning.query import ArmGoal
-from geodesic_motion_ros.planning.settings import PlannerSettings
 from geodesic_motion_ros.planning.situation import Situation
-from geodesic_motion_ros.planning.solver import Solver
-from geodesic_motion_ros.planning.status import Refusal, Verdict, VerdictCode
-from geodesic_motion_ros.planning.stream import Stream
-from geodesic_motion_ros.planning.tracking import Tracking
+from geodesic_motion_ros.queries.output_space import OutputSpace
+from geodesic_motion_ros.queries.pose_query import checked_pose
+from geodesic_motion_ros.queries.query import ArmGoal
 from geodesic_motion_ros.robot.collision_model import CollisionModel
 from geodesic_motion_ros.robot.held_objects import HeldObject, check_held
 from geodesic_motion_ros.robot.kinematics import Robot

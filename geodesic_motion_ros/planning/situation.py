@@ -14,17 +14,17 @@ from functools import cached_property
 
 import numpy as np
 
+from geodesic_motion_ros.certification.certificate import ArmCertifier, Certificate, SweptArm, SweptSpheres
+from geodesic_motion_ros.contract import settings as constants
+from geodesic_motion_ros.contract.mode import Mode, Purpose
+from geodesic_motion_ros.contract.requirement import Requirement, Requirements
+from geodesic_motion_ros.contract.settings import PlannerSettings
+from geodesic_motion_ros.contract.status import Refusal, Verdict, VerdictCode
+from geodesic_motion_ros.motion.plan import MotionState, Plan
+from geodesic_motion_ros.motion.played import FollowedPlan, PlayedTrajectory, Step
+from geodesic_motion_ros.motion.retry import Question
 from geodesic_motion_ros.obstacles.obstacles import Obstacles
-from geodesic_motion_ros.planning import settings as constants
-from geodesic_motion_ros.planning.certificate import ArmCertifier, Certificate, SweptArm, SweptSpheres
-from geodesic_motion_ros.planning.mode import Mode, Purpose
-from geodesic_motion_ros.planning.plan import MotionState, Plan
-from geodesic_motion_ros.planning.played import FollowedPlan, PlayedTrajectory, Step
-from geodesic_motion_ros.planning.query import ArmQuery
-from geodesic_motion_ros.planning.requirement import Requirement, Requirements
-from geodesic_motion_ros.planning.retry import Question
-from geodesic_motion_ros.planning.settings import PlannerSettings
-from geodesic_motion_ros.planning.status import Refusal, Verdict, VerdictCode
+from geodesic_motion_ros.queries.query import ArmQuery
 from geodesic_motion_ros.robot.limits import JointLimits
 from geodesic_motion_ros.trajectory.limited_tool import LimitedTool
 from geodesic_motion_ros.trajectory.stopping import keeps_all, leaving_stop, slowed_reference, stopping_reference

@@ -8,8 +8,8 @@ from pathlib import Path
 
 import numpy as np
 
+from geodesic_motion_ros.certification.declared_scene import DeclaredScene
 from geodesic_motion_ros.geometry.quaternions import to_rotation
-from geodesic_motion_ros.planning.declared_scene import DeclaredScene
 from geodesic_motion_ros.robot.description import DEFAULT_ROBOT
 from geodesic_motion_ros.simulation.world import ArmWorld
 from geodesic_motion_ros.utils.errors import ParameterError

@@ -12,7 +12,7 @@ import numpy as np
 import pybullet_data
 from scipy.spatial.transform import Rotation
 
-from geodesic_motion_ros.planning.declared_scene import MASSIVE, DeclaredScene
+from geodesic_motion_ros.certification.declared_scene import MASSIVE, DeclaredScene
 from geodesic_motion_ros.robot.description import DEFAULT_ROBOT, RobotDescription
 from geodesic_motion_ros.robot.inertials import GRAVITY
 from geodesic_motion_ros.robot.inverse_kinematics import checked_pose, solve

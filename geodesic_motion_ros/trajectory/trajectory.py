@@ -34,7 +34,7 @@ class JointReference:
     positions, velocities, accelerations : (n, eta) [rad], [rad/s], [rad/s^2]; the last two end at 0.
     latent : (n, d) latent points the positions were decoded from.
 
-    How far the arm stays from obstacles on it is not known: `planning.certificate.JudgedTrajectory`.
+    How far the arm stays from obstacles on it is not known: `certification.certificate.JudgedTrajectory`.
     """
 
     times: np.ndarray

@@ -22,8 +22,8 @@ from geodesic_motion_ros.geometry.isosurface import isosurface
 from geodesic_motion_ros.manifold.ambient_metric import clearances
 from geodesic_motion_ros.manifold.configuration_graph import ConfigurationGraph
 from geodesic_motion_ros.manifold.decoder import rms_sigma
-from geodesic_motion_ros.planning.configuration_query import ConfigurationGoal
 from geodesic_motion_ros.planning.planner import ReactivePlanner
+from geodesic_motion_ros.queries.configuration_query import ConfigurationGoal
 from geodesic_motion_ros.robot.body_points import (
     BodyPoints,
     body_point_jacobians,

@@ -8,7 +8,7 @@ from collections.abc import Mapping
 import numpy as np
 from matplotlib.figure import Figure
 
-from geodesic_motion_ros.planning.largest_sphere import LARGEST
+from geodesic_motion_ros.visualization.largest_sphere import LARGEST
 from geodesic_motion_ros.visualization.plots import BLUE, GREEN, GREY, ORANGE, VERMILION, write_figure
 
 _COLOURS = (GREY, BLUE, VERMILION, GREEN, ORANGE)

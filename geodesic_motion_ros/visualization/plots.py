@@ -19,10 +19,10 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Circle, Patch
 from matplotlib.ticker import MultipleLocator
 
+from geodesic_motion_ros.contract.settings import PlannerSettings
 from geodesic_motion_ros.manifold.ambient_metric import clearances
 from geodesic_motion_ros.manifold.tool_points import tool_points
-from geodesic_motion_ros.planning.pose_path import PosePath, PosePathPlanner
-from geodesic_motion_ros.planning.settings import PlannerSettings
+from geodesic_motion_ros.queries.pose_path import PosePath, PosePathPlanner
 from geodesic_motion_ros.skill.skill import Skill
 from geodesic_motion_ros.utils.errors import PlanningError
 from geodesic_motion_ros.visualization.latent_view import magnification_factor

@@ -13,15 +13,15 @@ from typing import Any
 
 import numpy as np
 
+from geodesic_motion_ros.certification.certificate_scope import COUNTED, NOT_COUNTED
 from geodesic_motion_ros.demonstrations.recordings import Recording
 from geodesic_motion_ros.demonstrations.takes import Action
-from geodesic_motion_ros.planning.certificate_scope import COUNTED, NOT_COUNTED
-from geodesic_motion_ros.planning.largest_sphere import LARGEST, STEP, SpherePlaces, find_largest_passed
 from geodesic_motion_ros.planning.planner import ReactivePlanner
 from geodesic_motion_ros.skill.skill import Skill
 from geodesic_motion_ros.trajectory.trajectory import JointReference
 from geodesic_motion_ros.utils.tables import Cell
 from geodesic_motion_ros.visualization.html_page import cards, figure, heading, listed, note, page, table
+from geodesic_motion_ros.visualization.largest_sphere import LARGEST, STEP, SpherePlaces, find_largest_passed
 from geodesic_motion_ros.visualization.passed_spheres import draw_passed_spheres
 from geodesic_motion_ros.visualization.recording_view import MOST_TAKES, draw_recording
 from geodesic_motion_ros.visualization.spread import draw_spread

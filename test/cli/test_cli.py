@@ -17,8 +17,8 @@ import pytest
 from geodesic_motion_ros.cli import build_parser, main
 from geodesic_motion_ros.cli.arguments import needing, writable
 from geodesic_motion_ros.cli.inspect import describe
+from geodesic_motion_ros.contract.settings import PlannerSettings
 from geodesic_motion_ros.planning.planner import ReactivePlanner
-from geodesic_motion_ros.planning.settings import PlannerSettings
 from geodesic_motion_ros.skill.skill import Skill
 from geodesic_motion_ros.utils.errors import ParameterError
 

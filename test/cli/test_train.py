@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from geodesic_motion_ros import cli
+from geodesic_motion_ros.certification.declared_scene import DeclaredScene
 from geodesic_motion_ros.cli import main, train
 from geodesic_motion_ros.cli.report import planner_of
-from geodesic_motion_ros.planning.declared_scene import DeclaredScene
 from geodesic_motion_ros.skill.skill import Skill
 
 BRIEFLY = ["--steps", "60", "--kernels", "60"]

@@ -13,17 +13,17 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from geodesic_motion_ros.certification.declared_scene import DeclaredScene
 from geodesic_motion_ros.cli import main
 from geodesic_motion_ros.cli.recorded import refuse_unsaid_order
+from geodesic_motion_ros.contract.settings import PlannerSettings
 from geodesic_motion_ros.demonstrations.demonstrations import Demonstration, Demonstrations
 from geodesic_motion_ros.demonstrations.joint_demonstrations import JointDemonstration, JointDemonstrations
 from geodesic_motion_ros.demonstrations.writers import save_joint_demonstrations
 from geodesic_motion_ros.geometry.quaternions import multiply
 from geodesic_motion_ros.learning.settings import JointTrainingSettings
 from geodesic_motion_ros.learning.training import train_skill
-from geodesic_motion_ros.planning.declared_scene import DeclaredScene
 from geodesic_motion_ros.planning.planner import ReactivePlanner
-from geodesic_motion_ros.planning.settings import PlannerSettings
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.robot.making import Limits, make_robot
 from geodesic_motion_ros.skill.skill import Skill

@@ -7,12 +7,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from geodesic_motion_ros.certification.arm_clearance import configuration_clearance
 from geodesic_motion_ros.demo import demo_pictures
 from geodesic_motion_ros.demo.demo_options import SKILL
 from geodesic_motion_ros.demo.demo_run import Recording
 from geodesic_motion_ros.demo.demo_scene import DEFAULTS
 from geodesic_motion_ros.demo.elbow_scene import ElbowScene
-from geodesic_motion_ros.planning.arm_clearance import configuration_clearance
 from geodesic_motion_ros.skill.skill import Skill
 
 #: The planner of these tests ticks this often [s], and sees the obstacle where it was a little before [s].

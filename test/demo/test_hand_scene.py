@@ -8,10 +8,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from geodesic_motion_ros.certification.path_clearance import segment_distance
 from geodesic_motion_ros.demo import demo_pictures, hand_scene
 from geodesic_motion_ros.demo.demo_run import Recording
 from geodesic_motion_ros.demo.hand_scene import HandScene
-from geodesic_motion_ros.planning.path_clearance import segment_distance
 from geodesic_motion_ros.skill.skill import Skill
 
 

@@ -8,14 +8,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from geodesic_motion_ros.certification.arm_clearance import configuration_clearance
+from geodesic_motion_ros.certification.declared_scene import DeclaredScene
 from geodesic_motion_ros.demo import demo_pictures, demo_scene
 from geodesic_motion_ros.demo.demo_node import main, scene_of
 from geodesic_motion_ros.demo.demo_run import Recording
 from geodesic_motion_ros.demo.demo_scene import DemoScene
 from geodesic_motion_ros.demo.elbow_scene import ElbowScene
 from geodesic_motion_ros.demo.joint_scene import JointScene
-from geodesic_motion_ros.planning.arm_clearance import configuration_clearance
-from geodesic_motion_ros.planning.declared_scene import DeclaredScene
 from geodesic_motion_ros.skill.skill import Skill
 
 

@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 from scipy.spatial import cKDTree
 
+from geodesic_motion_ros.contract.settings import PlannerSettings
+from geodesic_motion_ros.contract.status import VerdictCode
 from geodesic_motion_ros.geometry.quaternions import angle_between, normalise, to_rotation
 from geodesic_motion_ros.geometry.task_frame import TaskFrame
-from geodesic_motion_ros.planning.plan import Plan
+from geodesic_motion_ros.motion.plan import Plan
 from geodesic_motion_ros.planning.planner import ReactivePlanner
-from geodesic_motion_ros.planning.settings import PlannerSettings
-from geodesic_motion_ros.planning.status import VerdictCode
 from geodesic_motion_ros.robot.body_points import end_effector_poses
 from geodesic_motion_ros.skill.skill import Skill
 

@@ -13,8 +13,8 @@ from bench import Bench, cloud_of, pose_of
 from geometry_msgs.msg import PoseStamped
 from sensor_msgs.msg import PointCloud2
 
+from geodesic_motion_ros.certification.declared_scene import DeclaredScene
 from geodesic_motion_ros.nodes.planner_node import PlannerNode
-from geodesic_motion_ros.planning.declared_scene import DeclaredScene
 from geodesic_motion_ros.robot.inverse_kinematics import solve
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.skill.kept_graph import digest_recipe

@@ -19,9 +19,9 @@ from sensor_msgs.msg import Image
 from std_srvs.srv import SetBool, Trigger
 from visualization_msgs.msg import Marker, MarkerArray
 
+from geodesic_motion_ros.contract.settings import TOOL_LIMITS
 from geodesic_motion_ros.nodes import messages
 from geodesic_motion_ros.nodes.planner_node import PlannerNode
-from geodesic_motion_ros.planning.settings import TOOL_LIMITS
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.utils.errors import ParameterError, SkillError
 

@@ -5,7 +5,7 @@ import pytest
 
 from geodesic_motion_ros.manifold import grid as grid_module
 from geodesic_motion_ros.manifold.grid import Adjacency, LatentGrid, stencil
-from geodesic_motion_ros.planning.path_smoothing import resample_latent, smooth_latent
+from geodesic_motion_ros.queries.path_smoothing import resample_latent, smooth_latent
 from geodesic_motion_ros.utils.errors import PlanningError
 
 

@@ -7,11 +7,11 @@ from collections.abc import Iterator
 import numpy as np
 import pytest
 
+from geodesic_motion_ros.contract.status import Refusal, Verdict, VerdictCode
 from geodesic_motion_ros.nodes.arm_watch import REST_TIME
 from geodesic_motion_ros.nodes.arrival import ArrivalWatch
 from geodesic_motion_ros.nodes.cycle import CycleInputs, CycleOutput
 from geodesic_motion_ros.obstacles.tracker import ObstacleTracker
-from geodesic_motion_ros.planning.status import Refusal, Verdict, VerdictCode
 
 PERIOD = 0.01
 UPRIGHT = np.array([1.0, 0.0, 0.0, 0.0])

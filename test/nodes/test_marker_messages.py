@@ -14,10 +14,10 @@ from rclpy.serialization import deserialize_message, serialize_message
 from std_msgs.msg import Header
 from visualization_msgs.msg import Marker
 
+from geodesic_motion_ros.contract.status import Refusal, VerdictCode
 from geodesic_motion_ros.geometry.shapes import solid_distances
 from geodesic_motion_ros.nodes import marker_messages as m
 from geodesic_motion_ros.nodes.messages import MessageRefused
-from geodesic_motion_ros.planning.status import Refusal, VerdictCode
 from geodesic_motion_ros.robot.held_objects import HeldObject
 from geodesic_motion_ros.robot.kinematics import Robot
 

@@ -10,10 +10,10 @@ from pathlib import Path
 import pytest
 import yaml
 
+from geodesic_motion_ros.contract.settings import PlannerSettings
 from geodesic_motion_ros.nodes.parameter_tables import TABLES
 from geodesic_motion_ros.nodes.parameters import Parameter, markdown_table, yaml_document
 from geodesic_motion_ros.paper.paper_parameters import PAPER
-from geodesic_motion_ros.planning.settings import PlannerSettings
 from geodesic_motion_ros.robot.description import shipped_robots
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.utils.errors import ParameterError

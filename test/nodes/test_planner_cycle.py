@@ -10,15 +10,15 @@ from dataclasses import dataclass, field
 import numpy as np
 import pytest
 
+from geodesic_motion_ros.contract.status import VerdictCode
 from geodesic_motion_ros.geometry.task_frame import TaskFrame
+from geodesic_motion_ros.motion.solver import Solver
 from geodesic_motion_ros.nodes.arm_watch import REST_TIME
 from geodesic_motion_ros.nodes.cycle import CycleInputs, CycleOutput
 from geodesic_motion_ros.nodes.input_faults import NO_CLOCK
 from geodesic_motion_ros.nodes.planner_cycle import PlannerCycle
 from geodesic_motion_ros.obstacles.tracker import ObstacleTracker
 from geodesic_motion_ros.planning.planner import ReactivePlanner
-from geodesic_motion_ros.planning.solver import Solver
-from geodesic_motion_ros.planning.status import VerdictCode
 from geodesic_motion_ros.robot.held_objects import HeldObject
 from geodesic_motion_ros.robot.inverse_kinematics import solve
 from geodesic_motion_ros.robot.kinematics import Robot

@@ -19,12 +19,12 @@ from pathlib import Path
 
 import numpy as np
 
+from geodesic_motion_ros.contract.settings import PlannerSettings
 from geodesic_motion_ros.nodes.cycle import CycleInputs, CycleOutput
 from geodesic_motion_ros.nodes.planner_cycle import PlannerCycle
 from geodesic_motion_ros.nodes.trajectory_bytes import joint_trajectory_bytes
 from geodesic_motion_ros.obstacles.tracker import ObstacleTracker
 from geodesic_motion_ros.planning.planner import ReactivePlanner
-from geodesic_motion_ros.planning.settings import PlannerSettings
 from geodesic_motion_ros.skill.skill import Skill
 
 REPOSITORY = Path(__file__).resolve().parents[2]

@@ -8,6 +8,7 @@ from collections.abc import Iterator
 import numpy as np
 import pytest
 
+from geodesic_motion_ros.contract.status import VerdictCode
 from geodesic_motion_ros.geometry.quaternions import normalise
 from geodesic_motion_ros.nodes.cycle import CycleInputs, CycleOutput
 from geodesic_motion_ros.obstacles.tracker import ObstacleSet
@@ -15,7 +16,6 @@ from geodesic_motion_ros.paper.follower import STIFFNESS
 from geodesic_motion_ros.paper.paper_cycle import PaperCycle
 from geodesic_motion_ros.paper.paper_planner import CAUTION, PaperPlanner, PaperSettings
 from geodesic_motion_ros.paper.streams import PoseStream, TrajectoryStream
-from geodesic_motion_ros.planning.status import VerdictCode
 from geodesic_motion_ros.robot.held_objects import HeldObject
 from geodesic_motion_ros.robot.inverse_kinematics import solve
 from geodesic_motion_ros.skill.skill import Skill

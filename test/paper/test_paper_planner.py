@@ -7,13 +7,13 @@ import itertools
 import numpy as np
 import pytest
 
+from geodesic_motion_ros.contract.status import VerdictCode
 from geodesic_motion_ros.geometry.fitted_spline import fitted_spline
 from geodesic_motion_ros.geometry.quaternions import to_rotation
 from geodesic_motion_ros.manifold.transport import Offsets
 from geodesic_motion_ros.obstacles.obstacles import Obstacles
 from geodesic_motion_ros.paper.literal_search import LiteralSearch
 from geodesic_motion_ros.paper.paper_planner import CAUTION, COEFFICIENTS, SAMPLES, PaperPlanner
-from geodesic_motion_ros.planning.status import VerdictCode
 from geodesic_motion_ros.robot.body_points import end_effector_poses
 from geodesic_motion_ros.robot.held_objects import HeldObject
 from geodesic_motion_ros.utils.deadline import Deadline

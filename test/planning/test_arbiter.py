@@ -9,20 +9,20 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from geodesic_motion_ros.certification.certificate import ArmCertifier
+from geodesic_motion_ros.contract.mode import Mode, Purpose
+from geodesic_motion_ros.contract.settings import ATTEMPTS, SEARCH_PERIOD, Attempt, PlannerSettings
+from geodesic_motion_ros.contract.status import Refusal, Verdict, VerdictCode
+from geodesic_motion_ros.motion.detour import Detour
+from geodesic_motion_ros.motion.plan import MotionState, Plan
+from geodesic_motion_ros.motion.stream import Stream
 from geodesic_motion_ros.obstacles.obstacles import Obstacles
 from geodesic_motion_ros.planning.arbiter import Arbiter, Decision
-from geodesic_motion_ros.planning.certificate import ArmCertifier
-from geodesic_motion_ros.planning.detour import Detour
 from geodesic_motion_ros.planning.detour_worker import DetourJob
 from geodesic_motion_ros.planning.guarded_arm import GuardedArm
 from geodesic_motion_ros.planning.memory import AttemptMemory, DetourRequest, DetourSearch
 from geodesic_motion_ros.planning.mission import Mission
-from geodesic_motion_ros.planning.mode import Mode, Purpose
-from geodesic_motion_ros.planning.plan import MotionState, Plan
-from geodesic_motion_ros.planning.settings import ATTEMPTS, SEARCH_PERIOD, Attempt, PlannerSettings
 from geodesic_motion_ros.planning.situation import Situation
-from geodesic_motion_ros.planning.status import Refusal, Verdict, VerdictCode
-from geodesic_motion_ros.planning.stream import Stream
 from geodesic_motion_ros.robot.collision_model import CollisionModel
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.robot.limits import JointLimits

@@ -8,17 +8,17 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 import pytest
 
+from geodesic_motion_ros.certification.arm_clearance import obstacle_clearance
+from geodesic_motion_ros.certification.declared_scene import DeclaredScene
+from geodesic_motion_ros.contract import settings as constants
+from geodesic_motion_ros.contract.mode import Mode
+from geodesic_motion_ros.contract.settings import PlannerSettings
+from geodesic_motion_ros.contract.status import Refusal, VerdictCode
 from geodesic_motion_ros.geometry.distance_field import DistanceField
+from geodesic_motion_ros.motion.plan import Plan
 from geodesic_motion_ros.obstacles.obstacles import Obstacles
-from geodesic_motion_ros.planning import settings as constants
-from geodesic_motion_ros.planning.arm_clearance import obstacle_clearance
-from geodesic_motion_ros.planning.declared_scene import DeclaredScene
-from geodesic_motion_ros.planning.mode import Mode
-from geodesic_motion_ros.planning.output_space import OutputSpace
-from geodesic_motion_ros.planning.plan import Plan
 from geodesic_motion_ros.planning.planner import ReactivePlanner
-from geodesic_motion_ros.planning.settings import PlannerSettings
-from geodesic_motion_ros.planning.status import Refusal, VerdictCode
+from geodesic_motion_ros.queries.output_space import OutputSpace
 from geodesic_motion_ros.skill.skill import Skill
 from geodesic_motion_ros.utils.deadline import Deadline
 

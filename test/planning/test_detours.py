@@ -8,19 +8,19 @@ from functools import cache
 import numpy as np
 import pytest
 
+from geodesic_motion_ros.certification.arm_clearance import obstacle_clearance
+from geodesic_motion_ros.certification.declared_scene import DeclaredScene
+from geodesic_motion_ros.contract.settings import PlannerSettings
+from geodesic_motion_ros.contract.status import Refusal, VerdictCode
+from geodesic_motion_ros.detours.detour_frame import DetourFrame
+from geodesic_motion_ros.motion.detour import DetourPlanner
+from geodesic_motion_ros.motion.plan import Plan
+from geodesic_motion_ros.motion.solver import Solver
 from geodesic_motion_ros.obstacles.obstacles import Obstacles
-from geodesic_motion_ros.planning.arm_clearance import obstacle_clearance
-from geodesic_motion_ros.planning.declared_scene import DeclaredScene
-from geodesic_motion_ros.planning.detour import DetourPlanner
-from geodesic_motion_ros.planning.detour_frame import DetourFrame
 from geodesic_motion_ros.planning.detour_worker import DetourWorker
 from geodesic_motion_ros.planning.mission import PreparedGoal
-from geodesic_motion_ros.planning.plan import Plan
 from geodesic_motion_ros.planning.planner import ReactivePlanner
-from geodesic_motion_ros.planning.posture import null_vectors
-from geodesic_motion_ros.planning.settings import PlannerSettings
-from geodesic_motion_ros.planning.solver import Solver
-from geodesic_motion_ros.planning.status import Refusal, VerdictCode
+from geodesic_motion_ros.queries.posture import null_vectors
 from geodesic_motion_ros.robot.swivel import elbow_position
 from geodesic_motion_ros.skill.skill import Skill
 from geodesic_motion_ros.utils.errors import PlanningError

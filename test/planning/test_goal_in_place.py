@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from geodesic_motion_ros.contract.status import VerdictCode
 from geodesic_motion_ros.planning.planner import ReactivePlanner
-from geodesic_motion_ros.planning.status import VerdictCode
 from geodesic_motion_ros.skill.skill import Skill
 
 

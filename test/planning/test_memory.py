@@ -6,10 +6,10 @@ from collections.abc import Iterable
 from dataclasses import replace
 from types import SimpleNamespace
 
+from geodesic_motion_ros.contract.settings import ATTEMPTS, Attempt
+from geodesic_motion_ros.contract.status import Refusal, VerdictCode
 from geodesic_motion_ros.obstacles.obstacles import Obstacles
 from geodesic_motion_ros.planning.memory import AttemptMemory
-from geodesic_motion_ros.planning.settings import ATTEMPTS, Attempt
-from geodesic_motion_ros.planning.status import Refusal, VerdictCode
 from geodesic_motion_ros.utils.deadline import NEVER
 
 CAUTIOUS = tuple(attempt for attempt in ATTEMPTS if not attempt.optimistic)

@@ -17,12 +17,12 @@ from functools import partial
 import numpy as np
 import pytest
 
+from geodesic_motion_ros.contract.settings import PlannerSettings
+from geodesic_motion_ros.contract.status import Verdict, VerdictCode
 from geodesic_motion_ros.geometry.quaternions import normalise
+from geodesic_motion_ros.motion.plan import Plan
 from geodesic_motion_ros.obstacles.obstacles import Obstacles
-from geodesic_motion_ros.planning.plan import Plan
 from geodesic_motion_ros.planning.planner import ReactivePlanner
-from geodesic_motion_ros.planning.settings import PlannerSettings
-from geodesic_motion_ros.planning.status import Verdict, VerdictCode
 from geodesic_motion_ros.robot.collision_model import CollisionModel, self_clearance
 from geodesic_motion_ros.robot.inverse_kinematics import solve
 from geodesic_motion_ros.robot.kinematics import Robot

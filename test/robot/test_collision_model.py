@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from geodesic_motion_ros.planning.arm_clearance import configuration_clearance
+from geodesic_motion_ros.certification.arm_clearance import configuration_clearance
 from geodesic_motion_ros.robot.collision_model import CollisionModel, self_clearance, self_clearances
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.utils.errors import RobotError

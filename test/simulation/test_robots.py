@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from geodesic_motion_ros.certification.certificate import ArmCertifier
+from geodesic_motion_ros.certification.declared_scene import DeclaredScene
 from geodesic_motion_ros.obstacles.obstacles import Obstacles
-from geodesic_motion_ros.planning.certificate import ArmCertifier
-from geodesic_motion_ros.planning.declared_scene import DeclaredScene
 from geodesic_motion_ros.robot.collision_model import CollisionModel, self_clearances
 from geodesic_motion_ros.robot.description import shipped_robots
 from geodesic_motion_ros.robot.kinematics import Robot

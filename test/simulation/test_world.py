@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from geodesic_motion_ros.certification.declared_scene import DeclaredScene
 from geodesic_motion_ros.demonstrations.readers import read_demonstrations
-from geodesic_motion_ros.planning.declared_scene import DeclaredScene
 from geodesic_motion_ros.robot.description import shipped_robots
 from geodesic_motion_ros.robot.inverse_kinematics import pose_error, solve
 from geodesic_motion_ros.simulation.camera import VIEWS

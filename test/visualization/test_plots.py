@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from geodesic_motion_ros.planning.pose_path import PosePath, PosePathPlanner
-from geodesic_motion_ros.planning.settings import PlannerSettings
+from geodesic_motion_ros.contract.settings import PlannerSettings
+from geodesic_motion_ros.queries.pose_path import PosePath, PosePathPlanner
 from geodesic_motion_ros.skill.skill import Skill
 from geodesic_motion_ros.utils.errors import PlanningError
 from geodesic_motion_ros.visualization import plots

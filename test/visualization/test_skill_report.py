@@ -12,10 +12,10 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from geodesic_motion_ros.certification.certificate_scope import COUNTED, NOT_COUNTED
+from geodesic_motion_ros.certification.declared_scene import DeclaredScene
 from geodesic_motion_ros.demonstrations.recordings import Recording
 from geodesic_motion_ros.demonstrations.takes import Take
-from geodesic_motion_ros.planning.certificate_scope import COUNTED, NOT_COUNTED
-from geodesic_motion_ros.planning.declared_scene import DeclaredScene
 from geodesic_motion_ros.planning.planner import ReactivePlanner
 from geodesic_motion_ros.skill.skill import Skill
 from geodesic_motion_ros.visualization import skill_report

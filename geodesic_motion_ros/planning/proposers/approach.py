@@ -10,12 +10,12 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 
-from geodesic_motion_ros.planning import settings as constants
-from geodesic_motion_ros.planning.approach_motion import approach_to_covered
-from geodesic_motion_ros.planning.mode import Purpose
-from geodesic_motion_ros.planning.played import FollowedPlan
+from geodesic_motion_ros.contract import settings as constants
+from geodesic_motion_ros.contract.mode import Purpose
+from geodesic_motion_ros.motion.approach_motion import approach_to_covered
+from geodesic_motion_ros.motion.played import FollowedPlan
+from geodesic_motion_ros.motion.retry import PastSearch, Question, is_due
 from geodesic_motion_ros.planning.proposers.turn import Proposer, Turn
-from geodesic_motion_ros.planning.retry import PastSearch, Question, is_due
 
 #: The name of the requirement of an approach.
 APPROACH = "approach"

@@ -9,15 +9,15 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 
-from geodesic_motion_ros.planning import settings as constants
-from geodesic_motion_ros.planning.evasion_motion import evasion_beside_graph, evasion_on_graph
-from geodesic_motion_ros.planning.mode import Purpose
-from geodesic_motion_ros.planning.plan import Plan
-from geodesic_motion_ros.planning.played import FollowedPlan
+from geodesic_motion_ros.contract import settings as constants
+from geodesic_motion_ros.contract.mode import Purpose
+from geodesic_motion_ros.contract.requirement import Requirement
+from geodesic_motion_ros.contract.status import VerdictCode
+from geodesic_motion_ros.motion.evasion_motion import evasion_beside_graph, evasion_on_graph
+from geodesic_motion_ros.motion.plan import Plan
+from geodesic_motion_ros.motion.played import FollowedPlan
+from geodesic_motion_ros.motion.retry import PastSearch, Question, is_due
 from geodesic_motion_ros.planning.proposers.turn import Proposer, Turn
-from geodesic_motion_ros.planning.requirement import Requirement
-from geodesic_motion_ros.planning.retry import PastSearch, Question, is_due
-from geodesic_motion_ros.planning.status import VerdictCode
 
 #: The names of the requirements of evasions, to a place on the graph and to one beside it.
 ON_GRAPH, BESIDE_GRAPH = "evasion", "beside_graph"

@@ -5,9 +5,9 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import cast
 
+from geodesic_motion_ros.motion.retry import TIME_ROUNDING
 from geodesic_motion_ros.planning.proposers.turn import Proposer, Turn
-from geodesic_motion_ros.planning.query import ArmQuery
-from geodesic_motion_ros.planning.retry import TIME_ROUNDING
+from geodesic_motion_ros.queries.query import ArmQuery
 
 
 class FoundDetour(Proposer):

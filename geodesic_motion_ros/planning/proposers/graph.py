@@ -6,10 +6,10 @@ from dataclasses import replace
 
 import numpy as np
 
+from geodesic_motion_ros.contract.status import Refusal
 from geodesic_motion_ros.planning.memory import FailedAttempts
 from geodesic_motion_ros.planning.proposers.turn import Proposer, Turn
-from geodesic_motion_ros.planning.query import ArmQuery
-from geodesic_motion_ros.planning.status import Refusal
+from geodesic_motion_ros.queries.query import ArmQuery
 
 
 class GraphPath(Proposer):

@@ -6,16 +6,16 @@ import math
 from abc import ABC, abstractmethod
 from dataclasses import dataclass, replace
 
-from geodesic_motion_ros.planning.detour import DetourRequest
+from geodesic_motion_ros.contract.settings import Attempt
+from geodesic_motion_ros.contract.status import Refusal, VerdictCode
+from geodesic_motion_ros.motion.detour import DetourRequest
+from geodesic_motion_ros.motion.plan import Plan
+from geodesic_motion_ros.motion.played import FollowedPlan, Step
 from geodesic_motion_ros.planning.guarded_arm import GuardedArm
 from geodesic_motion_ros.planning.memory import AttemptMemory
-from geodesic_motion_ros.planning.plan import Plan
-from geodesic_motion_ros.planning.played import FollowedPlan, Step
-from geodesic_motion_ros.planning.query import ArmGoal, ArmQuery
-from geodesic_motion_ros.planning.search import KnownPaths
-from geodesic_motion_ros.planning.settings import Attempt
 from geodesic_motion_ros.planning.situation import Situation
-from geodesic_motion_ros.planning.status import Refusal, VerdictCode
+from geodesic_motion_ros.queries.query import ArmGoal, ArmQuery
+from geodesic_motion_ros.queries.search import KnownPaths
 
 _NO_PATH = Refusal(VerdictCode.NO_FEASIBLE_PATH)
 

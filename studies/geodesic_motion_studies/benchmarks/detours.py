@@ -15,20 +15,20 @@ from typing import NamedTuple
 
 import numpy as np
 
+from geodesic_motion_ros.certification.arm_clearance import obstacle_clearance
+from geodesic_motion_ros.certification.arm_in_scene import ArmInScene
+from geodesic_motion_ros.certification.declared_scene import DeclaredScene
+from geodesic_motion_ros.contract.status import Refusal, VerdictCode
+from geodesic_motion_ros.detours.detour_band import band_cost, draw_tight
+from geodesic_motion_ros.detours.detour_frame import DetourFrame
+from geodesic_motion_ros.detours.detour_search import LatticePath, cheapest_detour
+from geodesic_motion_ros.kernels.loading import load_kernels
+from geodesic_motion_ros.motion.detour import LATTICE_SMOOTHINGS, Detour, DetourPlanner
+from geodesic_motion_ros.motion.plan import MotionState, Plan
+from geodesic_motion_ros.motion.solver import Solver
 from geodesic_motion_ros.obstacles.obstacles import Obstacles
-from geodesic_motion_ros.planning.arm_clearance import obstacle_clearance
-from geodesic_motion_ros.planning.arm_in_scene import ArmInScene
-from geodesic_motion_ros.planning.declared_scene import DeclaredScene
-from geodesic_motion_ros.planning.detour import LATTICE_SMOOTHINGS, Detour, DetourPlanner
-from geodesic_motion_ros.planning.detour_band import band_cost, draw_tight
-from geodesic_motion_ros.planning.detour_frame import DetourFrame
-from geodesic_motion_ros.planning.detour_search import LatticePath, cheapest_detour
-from geodesic_motion_ros.planning.plan import MotionState, Plan
 from geodesic_motion_ros.planning.planner import ReactivePlanner
-from geodesic_motion_ros.planning.query import ArmQuery
-from geodesic_motion_ros.planning.solver import Solver
-from geodesic_motion_ros.planning.status import Refusal, VerdictCode
-from geodesic_motion_ros.planning.warm_up import load_kernels
+from geodesic_motion_ros.queries.query import ArmQuery
 from geodesic_motion_ros.skill.skill import Skill
 from geodesic_motion_ros.utils.errors import ParameterError
 from geodesic_motion_studies.benchmarks.stopwatch import Stopwatch, no_garbage_collection

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from geodesic_motion_ros.contract.settings import PlannerSettings
 from geodesic_motion_ros.manifold.bidirectional_astar import shortest_path_from_both_ends
 from geodesic_motion_ros.manifold.grid import Adjacency
 from geodesic_motion_ros.manifold.node_body import NodeBody
@@ -14,7 +15,6 @@ from geodesic_motion_ros.manifold.obstacle_weights import NodeEvaluation, evalua
 from geodesic_motion_ros.manifold.shortest_path import cost_field, shortest_path
 from geodesic_motion_ros.manifold.weighted_graph import WeightedGraph
 from geodesic_motion_ros.obstacles.obstacles import Obstacles
-from geodesic_motion_ros.planning.settings import PlannerSettings
 from geodesic_motion_ros.utils.deadline import NEVER, Deadline
 
 

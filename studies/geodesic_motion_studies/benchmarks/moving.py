@@ -17,15 +17,15 @@ from typing import Any
 
 import numpy as np
 
+from geodesic_motion_ros.certification.arm_clearance import obstacle_clearance
 from geodesic_motion_ros.geometry.quaternions import rotate_by
+from geodesic_motion_ros.kernels.loading import load_kernels
 from geodesic_motion_ros.manifold.configuration_graph import ConfigurationGraph
 from geodesic_motion_ros.manifold.obstacle_weights import NodeEvaluation, evaluate_nodes
 from geodesic_motion_ros.manifold.shortest_path import shortest_path
 from geodesic_motion_ros.obstacles.obstacles import Obstacles
-from geodesic_motion_ros.planning import search as path_search
-from geodesic_motion_ros.planning.arm_clearance import obstacle_clearance
 from geodesic_motion_ros.planning.planner import ReactivePlanner
-from geodesic_motion_ros.planning.warm_up import load_kernels
+from geodesic_motion_ros.queries import search as path_search
 from geodesic_motion_ros.skill.skill import Skill
 from geodesic_motion_ros.utils.errors import ParameterError
 from geodesic_motion_studies.benchmarks.scenes import RATE

@@ -20,16 +20,16 @@ from collections.abc import Callable
 
 import numpy as np
 
+from geodesic_motion_ros.certification.certificate import ArmCertifier
+from geodesic_motion_ros.contract.settings import PlannerSettings
+from geodesic_motion_ros.contract.status import Refusal
 from geodesic_motion_ros.geometry.task_frame import TaskFrame
+from geodesic_motion_ros.kernels.loading import load_kernels
 from geodesic_motion_ros.manifold.geodesic_refinement import refined
-from geodesic_motion_ros.planning.certificate import ArmCertifier
-from geodesic_motion_ros.planning.configuration_query import ConfigurationQueryBuilder
-from geodesic_motion_ros.planning.path_smoothing import resample_latent, smooth_latent
 from geodesic_motion_ros.planning.planner import ReactivePlanner
-from geodesic_motion_ros.planning.search import cheapest_path
-from geodesic_motion_ros.planning.settings import PlannerSettings
-from geodesic_motion_ros.planning.status import Refusal
-from geodesic_motion_ros.planning.warm_up import load_kernels
+from geodesic_motion_ros.queries.configuration_query import ConfigurationQueryBuilder
+from geodesic_motion_ros.queries.path_smoothing import resample_latent, smooth_latent
+from geodesic_motion_ros.queries.search import cheapest_path
 from geodesic_motion_ros.robot.solutions import STARTS, numerical_solutions, spread
 from geodesic_motion_ros.skill.skill import Skill
 from geodesic_motion_ros.trajectory.timing import timed_joint_reference

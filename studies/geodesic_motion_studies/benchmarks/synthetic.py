@@ -13,6 +13,7 @@ from itertools import pairwise
 import numpy as np
 from scipy.spatial import cKDTree
 
+from geodesic_motion_ros.contract.settings import PlannerSettings
 from geodesic_motion_ros.manifold.configuration_graph import JointMetricSettings
 from geodesic_motion_ros.manifold.grid import Adjacency, LatentGrid
 from geodesic_motion_ros.manifold.mean_path import MeanPaths
@@ -20,7 +21,6 @@ from geodesic_motion_ros.manifold.metric_field import MetricField, packed_tensor
 from geodesic_motion_ros.manifold.node_body import NodeBody
 from geodesic_motion_ros.manifold.perceptron import Perceptron
 from geodesic_motion_ros.manifold.weighted_graph import WeightedGraph
-from geodesic_motion_ros.planning.settings import PlannerSettings
 from geodesic_motion_ros.robot.body_points import BodyPoints, place_body_points, points_along_links
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_studies.benchmarks.engine import SearchProblem

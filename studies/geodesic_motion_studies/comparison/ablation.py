@@ -3,7 +3,7 @@
     python -m geodesic_motion_studies.comparison.ablation EVASION_DISPLACED=0 SEARCH_PERIOD=0.05 \\
         --skill panda_pouring --scenes 14 --seed 862
 
-Constants are those of `planning/settings.py` that are one number. Scenes are those of the benchmark's families among
+Constants are those of `contract/settings.py` that are one number. Scenes are those of the benchmark's families among
 what moves, with all of the arm guarded, and judged as there; times, jerk and DTW are of the scenes that both reach.
 """
 
@@ -17,7 +17,7 @@ from contextlib import contextmanager
 
 import numpy as np
 
-from geodesic_motion_ros.planning import settings as constants
+from geodesic_motion_ros.contract import settings as constants
 from geodesic_motion_ros.skill.skill import Skill
 from geodesic_motion_ros.utils.errors import GeodesicMotionError, ParameterError
 from geodesic_motion_ros.utils.tables import Cell, text_table
@@ -38,7 +38,7 @@ def parsed(texts: Sequence[str]) -> dict[str, float]:
     for text in texts:
         name, _, value = text.partition("=")
         if not (name.isupper() and isinstance(getattr(constants, name, None), int | float)):
-            raise ParameterError(f"'{name}': give a constant of planning/settings.py that is one number")
+            raise ParameterError(f"'{name}': give a constant of contract/settings.py that is one number")
         try:
             values[name] = type(getattr(constants, name))(value)
         except ValueError:

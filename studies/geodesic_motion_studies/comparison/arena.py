@@ -10,8 +10,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from geodesic_motion_ros.contract.settings import PlannerSettings
 from geodesic_motion_ros.manifold.joint_transport import JointOffsets
-from geodesic_motion_ros.planning.settings import PlannerSettings
 from geodesic_motion_ros.robot.inverse_kinematics import solve
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.robot.limits import JointLimits

@@ -16,11 +16,11 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from geodesic_motion_ros.contract.settings import PlannerSettings
 from geodesic_motion_ros.geometry.quaternions import inverse, rotate
 from geodesic_motion_ros.geometry.shapes import cylinder_distances
 from geodesic_motion_ros.geometry.task_frame import TaskFrame
 from geodesic_motion_ros.obstacles.obstacles import Obstacles
-from geodesic_motion_ros.planning.settings import PlannerSettings
 from geodesic_motion_ros.robot.held_objects import HeldObject
 from geodesic_motion_ros.simulation.world import ArmWorld
 from geodesic_motion_ros.utils.tables import text_table

@@ -24,10 +24,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from geodesic_motion_ros.certification.path_clearance import segment_distance
+from geodesic_motion_ros.contract.settings import PlannerSettings
 from geodesic_motion_ros.obstacles.obstacles import Obstacles
 from geodesic_motion_ros.obstacles.tracker import ObstacleTracker
-from geodesic_motion_ros.planning.path_clearance import segment_distance
-from geodesic_motion_ros.planning.settings import PlannerSettings
 from geodesic_motion_ros.robot.collision_model import CollisionModel
 from geodesic_motion_ros.simulation.world import ArmWorld
 from geodesic_motion_studies.comparison.arena import Arena

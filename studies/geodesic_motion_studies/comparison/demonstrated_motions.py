@@ -12,7 +12,7 @@ from collections.abc import Sequence
 import numba
 import numpy as np
 
-from geodesic_motion_ros.planning.declared_scene import DeclaredScene
+from geodesic_motion_ros.certification.declared_scene import DeclaredScene
 from geodesic_motion_ros.trajectory.trajectory import JointReference
 from geodesic_motion_studies.comparison.arena import Arena
 from geodesic_motion_studies.comparison.chasing import chased_point, sphere_centres

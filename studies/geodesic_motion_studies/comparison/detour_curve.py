@@ -11,7 +11,7 @@ from __future__ import annotations
 import sys
 from collections.abc import Sequence
 
-from geodesic_motion_ros.planning.settings import PlannerSettings
+from geodesic_motion_ros.contract.settings import PlannerSettings
 from geodesic_motion_ros.utils.tables import text_table
 from geodesic_motion_studies.comparison.arena import Arena
 from geodesic_motion_studies.comparison.execution import Outcome, Stage

@@ -33,7 +33,7 @@ from typing import Literal
 
 import numpy as np
 
-from geodesic_motion_ros.planning.declared_scene import DeclaredScene
+from geodesic_motion_ros.certification.declared_scene import DeclaredScene
 from geodesic_motion_ros.utils.errors import ParameterError
 from geodesic_motion_ros.utils.shared_files import find_shared
 from geodesic_motion_studies.comparison.demonstrated_motions import DemonstratedMotions

@@ -14,9 +14,9 @@ from typing import Any
 
 import numpy as np
 
+from geodesic_motion_ros.certification.certificate import ArmCertifier, SweptArm
+from geodesic_motion_ros.contract.settings import PlannerSettings
 from geodesic_motion_ros.obstacles.obstacles import Obstacles
-from geodesic_motion_ros.planning.certificate import ArmCertifier, SweptArm
-from geodesic_motion_ros.planning.settings import PlannerSettings
 from geodesic_motion_ros.trajectory.stopping import stopping_reference
 from geodesic_motion_ros.trajectory.timing import timed_joint_reference
 from geodesic_motion_ros.trajectory.trajectory import JointReference, joined

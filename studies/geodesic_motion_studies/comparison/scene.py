@@ -6,8 +6,8 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from geodesic_motion_ros.certification.declared_scene import DeclaredScene
 from geodesic_motion_ros.geometry.curves import Pose, PoseCurve
-from geodesic_motion_ros.planning.declared_scene import DeclaredScene
 from geodesic_motion_ros.trajectory.trajectory import JointReference
 from geodesic_motion_studies.comparison.arena import Arena
 from geodesic_motion_studies.comparison.demonstrated_motions import DemonstratedMotions

@@ -37,8 +37,8 @@ from typing import get_args
 import numpy as np
 import yaml
 
+from geodesic_motion_ros.certification.declared_scene import DeclaredScene
 from geodesic_motion_ros.geometry.curves import PoseCurve
-from geodesic_motion_ros.planning.declared_scene import DeclaredScene
 from geodesic_motion_ros.robot.description import DEFAULT_ROBOT
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.skill.skill import Skill

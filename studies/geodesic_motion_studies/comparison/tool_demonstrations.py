@@ -15,7 +15,7 @@ import numpy as np
 from geodesic_motion_ros.geometry.curves import Pose, PoseCurve
 from geodesic_motion_ros.geometry.quaternions import continuous_signs, rotation_vector_between
 from geodesic_motion_ros.geometry.se3 import carried
-from geodesic_motion_ros.planning.path_smoothing import smooth_poses
+from geodesic_motion_ros.queries.path_smoothing import smooth_poses
 from geodesic_motion_ros.robot.inverse_kinematics import differential_step, pose_error
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.skill.sheet import CanonicalSheet

@@ -14,10 +14,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from geodesic_motion_ros.contract.settings import SWIVELS
 from geodesic_motion_ros.geometry.curves import PoseCurve
 from geodesic_motion_ros.geometry.task_frame import TaskFrame
-from geodesic_motion_ros.planning.posture import solve_path, swivel_steps
-from geodesic_motion_ros.planning.settings import SWIVELS
+from geodesic_motion_ros.queries.posture import solve_path, swivel_steps
 from geodesic_motion_ros.robot.inverse_kinematics import solve
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.utils.errors import RobotError

@@ -22,8 +22,8 @@ from geodesic_motion_ros.manifold.latent_graph import LatentGraph
 from geodesic_motion_ros.obstacles.obstacles import Obstacles
 from geodesic_motion_ros.paper.follower import TimedPath, followed
 from geodesic_motion_ros.paper.paper_planner import PaperPlanner
-from geodesic_motion_ros.planning.configuration_query import ConfigurationGoal
 from geodesic_motion_ros.planning.planner import ReactivePlanner
+from geodesic_motion_ros.queries.configuration_query import ConfigurationGoal
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.skill.skill import Skill
 from geodesic_motion_ros.trajectory.trajectory import PERIOD, JointReference, ending_at_rest, interpolated

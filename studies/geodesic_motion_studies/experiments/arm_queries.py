@@ -8,9 +8,9 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from geodesic_motion_ros.manifold.joint_transport import JointOffsets
-from geodesic_motion_ros.planning.configuration_query import ConfigurationGoal
-from geodesic_motion_ros.planning.plan import Plan
+from geodesic_motion_ros.motion.plan import Plan
 from geodesic_motion_ros.planning.planner import ReactivePlanner
+from geodesic_motion_ros.queries.configuration_query import ConfigurationGoal
 from geodesic_motion_ros.trajectory.trajectory import JointReference
 from geodesic_motion_ros.utils.errors import ParameterError
 

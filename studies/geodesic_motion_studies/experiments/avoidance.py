@@ -31,14 +31,14 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from geodesic_motion_ros.cli.arguments import metres
+from geodesic_motion_ros.contract.settings import PlannerSettings
+from geodesic_motion_ros.contract.status import Refusal, Verdict
 from geodesic_motion_ros.demonstrations.demonstrations import Demonstrations
 from geodesic_motion_ros.geometry.curves import Pose, PoseCurve, arc_length, arc_length_fractions, interpolate
 from geodesic_motion_ros.geometry.quaternions import to_rotation
 from geodesic_motion_ros.manifold.decoder import rms_sigma
-from geodesic_motion_ros.planning.path_smoothing import correct_ends
-from geodesic_motion_ros.planning.pose_path import PosePath, PosePathPlanner
-from geodesic_motion_ros.planning.settings import PlannerSettings
-from geodesic_motion_ros.planning.status import Refusal, Verdict
+from geodesic_motion_ros.queries.path_smoothing import correct_ends
+from geodesic_motion_ros.queries.pose_path import PosePath, PosePathPlanner
 from geodesic_motion_ros.utils.errors import ParameterError
 from geodesic_motion_ros.utils.tables import text_table
 from geodesic_motion_studies.experiments.imitation_judge import EVERY_END

@@ -23,7 +23,7 @@ from geodesic_motion_ros.geometry.quaternions import (
     rotation_vector_between,
     slerp,
 )
-from geodesic_motion_ros.planning.path_smoothing import correct_ends
+from geodesic_motion_ros.queries.path_smoothing import correct_ends
 from geodesic_motion_ros.utils.errors import GeodesicMotionError
 
 SAMPLES = 200

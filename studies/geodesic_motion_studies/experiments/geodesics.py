@@ -42,7 +42,7 @@ from geodesic_motion_ros.manifold.obstacle_weights import NodeEvaluation
 from geodesic_motion_ros.manifold.shortest_path import cost_field, shortest_free_path
 from geodesic_motion_ros.manifold.transport import Offsets
 from geodesic_motion_ros.obstacles.obstacles import Obstacles
-from geodesic_motion_ros.planning.path_smoothing import resample_latent, smooth_latent
+from geodesic_motion_ros.queries.path_smoothing import resample_latent, smooth_latent
 from geodesic_motion_ros.skill.skill import Skill
 from geodesic_motion_ros.utils.errors import ParameterError
 from geodesic_motion_ros.utils.tables import text_table

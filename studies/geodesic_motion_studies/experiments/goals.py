@@ -29,7 +29,7 @@ from tqdm import tqdm
 from geodesic_motion_ros.demonstrations.demonstrations import Demonstration, Demonstrations
 from geodesic_motion_ros.geometry.curves import PoseCurve
 from geodesic_motion_ros.learning.settings import TrainingSettings
-from geodesic_motion_ros.planning.pose_path import PosePath, PosePathPlanner
+from geodesic_motion_ros.queries.pose_path import PosePath, PosePathPlanner
 from geodesic_motion_ros.simulation.tabletop import Region
 from geodesic_motion_ros.simulation.teacher import (
     BOTTLE_REGION,

@@ -35,11 +35,11 @@ import numpy as np
 from matplotlib.figure import Figure
 from tqdm import tqdm
 
+from geodesic_motion_ros.contract.settings import PlannerSettings
 from geodesic_motion_ros.demonstrations.joint_demonstrations import JointDemonstrations
 from geodesic_motion_ros.learning.settings import JointTrainingSettings
 from geodesic_motion_ros.paper.paper_planner import PaperPlanner, PaperSettings
 from geodesic_motion_ros.planning.planner import ReactivePlanner
-from geodesic_motion_ros.planning.settings import PlannerSettings
 from geodesic_motion_ros.simulation.joint_teacher import reach_to_grasp
 from geodesic_motion_ros.skill.skill import Skill
 from geodesic_motion_ros.utils.tables import Cell, text_table

@@ -31,15 +31,15 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from tqdm import tqdm
 
+from geodesic_motion_ros.contract.settings import PlannerSettings
+from geodesic_motion_ros.contract.status import Refusal
 from geodesic_motion_ros.demonstrations.demonstrations import Demonstrations
 from geodesic_motion_ros.geometry.curves import Pose, PoseCurve
 from geodesic_motion_ros.geometry.quaternions import angle_between
 from geodesic_motion_ros.learning.settings import TrainingSettings
 from geodesic_motion_ros.manifold.encoder import TaskSpaceEncoder
 from geodesic_motion_ros.paper.paper_planner import PaperPlanner
-from geodesic_motion_ros.planning.pose_path import PosePathPlanner
-from geodesic_motion_ros.planning.settings import PlannerSettings
-from geodesic_motion_ros.planning.status import Refusal
+from geodesic_motion_ros.queries.pose_path import PosePathPlanner
 from geodesic_motion_ros.robot.inverse_kinematics import solve
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.simulation.joint_teacher import draw_reaching_query, reach_to_grasp

@@ -10,6 +10,8 @@ from itertools import combinations
 import numpy as np
 from scipy.spatial import cKDTree
 
+from geodesic_motion_ros.contract.settings import PlannerSettings
+from geodesic_motion_ros.contract.status import Refusal
 from geodesic_motion_ros.demonstrations.canonical import offsets_between
 from geodesic_motion_ros.demonstrations.demonstrations import Demonstration, Demonstrations
 from geodesic_motion_ros.geometry.curves import Pose, PoseCurve
@@ -18,9 +20,7 @@ from geodesic_motion_ros.geometry.se3 import carried
 from geodesic_motion_ros.manifold.decoder import rms_sigma
 from geodesic_motion_ros.manifold.encoder import TaskSpaceEncoder
 from geodesic_motion_ros.manifold.transport import faded
-from geodesic_motion_ros.planning.pose_path import PosePath, PosePathPlanner
-from geodesic_motion_ros.planning.settings import PlannerSettings
-from geodesic_motion_ros.planning.status import Refusal
+from geodesic_motion_ros.queries.pose_path import PosePath, PosePathPlanner
 from geodesic_motion_ros.skill.sheet import METRES_PER_RADIAN
 from geodesic_motion_ros.skill.skill import Skill
 from geodesic_motion_studies.experiments.baselines import PREDICTORS, Prediction

@@ -43,8 +43,8 @@ from geodesic_motion_ros.geometry.quaternions import continuous_signs
 from geodesic_motion_ros.manifold.configuration_graph import JointMetricSettings
 from geodesic_motion_ros.manifold.encoder import JointSpaceEncoder
 from geodesic_motion_ros.manifold.joint_transport import JointOffsets
-from geodesic_motion_ros.planning.configuration_query import ConfigurationGoal, ConfigurationQueryBuilder
 from geodesic_motion_ros.planning.planner import ReactivePlanner
+from geodesic_motion_ros.queries.configuration_query import ConfigurationGoal, ConfigurationQueryBuilder
 from geodesic_motion_ros.robot.body_points import end_effector_poses
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.skill.skill import Skill

@@ -1,7 +1,7 @@
 """The largest sphere that is passed: on the path of the tool, place by place, and by how far a detour may lead.
 
 The motion is the planner's from the start to the goal of a skill without obstacles; how spheres are placed and the
-largest is found is for `planning.largest_sphere`.
+largest is found is for `visualization.largest_sphere`.
 """
 
 from __future__ import annotations
@@ -13,12 +13,12 @@ from typing import Any
 import numpy as np
 from tqdm import tqdm
 
+from geodesic_motion_ros.certification.declared_scene import DeclaredScene
 from geodesic_motion_ros.cli.arguments import metres
-from geodesic_motion_ros.planning.declared_scene import DeclaredScene
-from geodesic_motion_ros.planning.largest_sphere import STEP, SpherePlaces, find_largest_passed
 from geodesic_motion_ros.planning.planner import ReactivePlanner
 from geodesic_motion_ros.skill.skill import Skill
 from geodesic_motion_ros.utils.tables import Cell, text_table
+from geodesic_motion_ros.visualization.largest_sphere import STEP, SpherePlaces, find_largest_passed
 from geodesic_motion_ros.visualization.passed_spheres import draw_passed_spheres
 from geodesic_motion_studies.experiments.detours import check_detours, free_motion
 from geodesic_motion_studies.experiments.study import OfSkill, Report, option

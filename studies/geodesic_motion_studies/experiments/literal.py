@@ -33,9 +33,9 @@ from geodesic_motion_ros.demonstrations.joint_demonstrations import JointDemonst
 from geodesic_motion_ros.geometry.curves import PoseCurve
 from geodesic_motion_ros.learning.settings import JointTrainingSettings, TrainingSettings
 from geodesic_motion_ros.paper.paper_planner import PaperPlanner
-from geodesic_motion_ros.planning.configuration_query import ConfigurationGoal
 from geodesic_motion_ros.planning.planner import ReactivePlanner
-from geodesic_motion_ros.planning.pose_path import PosePath, PosePathPlanner
+from geodesic_motion_ros.queries.configuration_query import ConfigurationGoal
+from geodesic_motion_ros.queries.pose_path import PosePath, PosePathPlanner
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.skill.skill import Skill
 from geodesic_motion_ros.utils.errors import SkillError

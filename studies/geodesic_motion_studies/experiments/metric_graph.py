@@ -16,7 +16,7 @@ from scipy.sparse.csgraph import dijkstra
 from scipy.spatial import cKDTree
 
 from geodesic_motion_ros.manifold.grid import LatentGrid
-from geodesic_motion_ros.planning.path_smoothing import resample_latent
+from geodesic_motion_ros.queries.path_smoothing import resample_latent
 from geodesic_motion_studies.tools.metric import Metric, curve_length
 
 _BLOCK = 4096

@@ -28,13 +28,13 @@ from matplotlib.patches import Circle
 from scipy.spatial import cKDTree
 from tqdm import tqdm
 
+from geodesic_motion_ros.contract.settings import PlannerSettings
+from geodesic_motion_ros.contract.status import Refusal, VerdictCode
 from geodesic_motion_ros.demonstrations.demonstrations import Demonstrations
 from geodesic_motion_ros.geometry.curves import Pose, PoseCurve, arc_length_fractions, interpolate
 from geodesic_motion_ros.learning.settings import TrainingSettings
 from geodesic_motion_ros.manifold.tool_points import tool_points
-from geodesic_motion_ros.planning.pose_path import PosePath, PosePathPlanner
-from geodesic_motion_ros.planning.settings import PlannerSettings
-from geodesic_motion_ros.planning.status import Refusal, VerdictCode
+from geodesic_motion_ros.queries.pose_path import PosePath, PosePathPlanner
 from geodesic_motion_ros.simulation.teacher import PILLAR, SIDES, draw_passing_query, two_mode_demonstrations
 from geodesic_motion_ros.skill.skill import Skill
 from geodesic_motion_ros.utils.tables import Cell, text_table

@@ -17,9 +17,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from geodesic_motion_ros.contract.settings import PlannerSettings
+from geodesic_motion_ros.kernels.loading import load_kernels
 from geodesic_motion_ros.planning.planner import ReactivePlanner
-from geodesic_motion_ros.planning.settings import PlannerSettings
-from geodesic_motion_ros.planning.warm_up import load_kernels
 from geodesic_motion_ros.robot.swivel import elbow_position
 from geodesic_motion_ros.simulation.trajectory_player import JointWaypoints
 from geodesic_motion_ros.simulation.world import ArmWorld

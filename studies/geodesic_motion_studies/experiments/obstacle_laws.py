@@ -45,18 +45,18 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from geodesic_motion_ros.contract.settings import PlannerSettings
+from geodesic_motion_ros.contract.status import Refusal
 from geodesic_motion_ros.demonstrations.canonical import sample_body_arc
+from geodesic_motion_ros.kernels.loading import load_kernels
 from geodesic_motion_ros.manifold.ambient_law import AmbientLaw
 from geodesic_motion_ros.manifold.ambient_metric import ambient_factor
+from geodesic_motion_ros.motion.plan import MotionState
+from geodesic_motion_ros.motion.solver import Solver
 from geodesic_motion_ros.obstacles.obstacles import Obstacles
-from geodesic_motion_ros.planning.configuration_query import ConfigurationGoal, ConfigurationQueryBuilder
-from geodesic_motion_ros.planning.plan import MotionState
 from geodesic_motion_ros.planning.planner import ReactivePlanner
-from geodesic_motion_ros.planning.query import Query
-from geodesic_motion_ros.planning.settings import PlannerSettings
-from geodesic_motion_ros.planning.solver import Solver
-from geodesic_motion_ros.planning.status import Refusal
-from geodesic_motion_ros.planning.warm_up import load_kernels
+from geodesic_motion_ros.queries.configuration_query import ConfigurationGoal, ConfigurationQueryBuilder
+from geodesic_motion_ros.queries.query import Query
 from geodesic_motion_ros.robot.body_points import place_body_points
 from geodesic_motion_ros.skill.skill import Skill
 from geodesic_motion_ros.utils.errors import ParameterError

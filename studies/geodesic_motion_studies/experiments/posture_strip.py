@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from matplotlib.axes import Axes
 
-from geodesic_motion_ros.planning.declared_scene import DeclaredScene
+from geodesic_motion_ros.certification.declared_scene import DeclaredScene
 from geodesic_motion_ros.robot.description import DEFAULT_ROBOT
 from geodesic_motion_ros.robot.swivel import elbow_position
 from geodesic_motion_ros.simulation.world import ArmWorld

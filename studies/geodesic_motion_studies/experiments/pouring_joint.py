@@ -26,11 +26,11 @@ from matplotlib.lines import Line2D
 from scipy.spatial import cKDTree
 from tqdm import tqdm
 
+from geodesic_motion_ros.contract.settings import PlannerSettings
 from geodesic_motion_ros.demonstrations.demonstrations import Demonstrations
 from geodesic_motion_ros.learning.settings import JointTrainingSettings
 from geodesic_motion_ros.paper.paper_planner import PaperPlanner, PaperSettings
 from geodesic_motion_ros.planning.planner import ReactivePlanner
-from geodesic_motion_ros.planning.settings import PlannerSettings
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.simulation.gestures import RATE_HZ, STEPS_PER_SAMPLE
 from geodesic_motion_ros.simulation.joint_teacher import BOTTLE_PLACES, pouring

@@ -12,13 +12,13 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.patches import Circle, Polygon
 
+from geodesic_motion_ros.contract.status import Refusal
 from geodesic_motion_ros.demonstrations.demonstrations import Demonstrations
 from geodesic_motion_ros.geometry.curves import interpolate, pose_arc_length
 from geodesic_motion_ros.geometry.quaternions import continuous_signs, to_rotation
 from geodesic_motion_ros.obstacles.obstacles import Obstacles
 from geodesic_motion_ros.planning.planner import ReactivePlanner
-from geodesic_motion_ros.planning.pose_path import PosePath, PosePathPlanner
-from geodesic_motion_ros.planning.status import Refusal
+from geodesic_motion_ros.queries.pose_path import PosePath, PosePathPlanner
 from geodesic_motion_ros.robot.body_points import end_effector_poses
 from geodesic_motion_ros.simulation.gestures import RATE_HZ, STEPS_PER_SAMPLE, smooth_step
 from geodesic_motion_ros.simulation.joint_teacher import CUP_PLACES

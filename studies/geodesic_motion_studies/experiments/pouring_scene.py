@@ -10,9 +10,9 @@ import math
 import numpy as np
 from scipy.optimize import brentq
 
+from geodesic_motion_ros.contract.settings import PlannerSettings
 from geodesic_motion_ros.geometry.quaternions import to_rotation
 from geodesic_motion_ros.geometry.shapes import cylinder_distances
-from geodesic_motion_ros.planning.settings import PlannerSettings
 from geodesic_motion_ros.simulation.joint_teacher import BOTTLE_PLACES, CUP_PLACES
 from geodesic_motion_ros.simulation.tabletop import Cylinder, TabletopWorld, fixed_to
 from geodesic_motion_ros.simulation.teacher import (

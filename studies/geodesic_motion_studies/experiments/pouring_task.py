@@ -31,14 +31,14 @@ from matplotlib.figure import Figure
 from scipy.spatial import cKDTree
 from tqdm import tqdm
 
+from geodesic_motion_ros.contract.status import Refusal
 from geodesic_motion_ros.demonstrations.demonstrations import Demonstrations
 from geodesic_motion_ros.geometry.curves import Pose, PoseCurve, interpolate
 from geodesic_motion_ros.learning.settings import TrainingSettings
 from geodesic_motion_ros.obstacles.obstacles import Obstacles
 from geodesic_motion_ros.paper.paper_planner import STRENGTH_OF_POSES, PaperPlanner, PaperSettings
 from geodesic_motion_ros.planning.planner import ReactivePlanner
-from geodesic_motion_ros.planning.pose_path import PosePath, PosePathPlanner
-from geodesic_motion_ros.planning.status import Refusal
+from geodesic_motion_ros.queries.pose_path import PosePath, PosePathPlanner
 from geodesic_motion_ros.robot.held_objects import HeldObject
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.simulation.joint_teacher import BOTTLE_PLACES, CUP_PLACES, pouring

@@ -29,13 +29,13 @@ import numpy as np
 from matplotlib.figure import Figure
 from tqdm import tqdm
 
+from geodesic_motion_ros.certification.declared_scene import DeclaredScene
+from geodesic_motion_ros.contract.settings import SAME_START
+from geodesic_motion_ros.contract.status import VerdictCode
 from geodesic_motion_ros.geometry.pose import Pose
 from geodesic_motion_ros.geometry.quaternions import angle_between
-from geodesic_motion_ros.planning.declared_scene import DeclaredScene
-from geodesic_motion_ros.planning.plan import Plan
+from geodesic_motion_ros.motion.plan import Plan
 from geodesic_motion_ros.planning.planner import ReactivePlanner
-from geodesic_motion_ros.planning.settings import SAME_START
-from geodesic_motion_ros.planning.status import VerdictCode
 from geodesic_motion_ros.robot.collision_model import self_clearances
 from geodesic_motion_ros.skill.skill import Skill
 from geodesic_motion_ros.trajectory.trajectory import JointReference

@@ -17,11 +17,11 @@ from functools import partial
 
 import numpy as np
 
+from geodesic_motion_ros.contract.settings import PlannerSettings
 from geodesic_motion_ros.demonstrations.demonstrations import Demonstrations
 from geodesic_motion_ros.geometry.curves import Pose, PoseCurve
 from geodesic_motion_ros.geometry.quaternions import angle_between
-from geodesic_motion_ros.planning.pose_path import PosePath, PosePathPlanner
-from geodesic_motion_ros.planning.settings import PlannerSettings
+from geodesic_motion_ros.queries.pose_path import PosePath, PosePathPlanner
 from geodesic_motion_ros.skill.sheet import METRES_PER_RADIAN
 from geodesic_motion_ros.skill.skill import Skill
 from geodesic_motion_ros.utils.tables import Cell, text_table

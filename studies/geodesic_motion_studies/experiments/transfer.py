@@ -21,11 +21,11 @@ import numpy as np
 from matplotlib.figure import Figure
 from tqdm import tqdm
 
+from geodesic_motion_ros.contract.settings import PlannerSettings
 from geodesic_motion_ros.geometry.curves import PoseCurve
 from geodesic_motion_ros.learning.settings import TrainingSettings
 from geodesic_motion_ros.paper.paper_planner import PaperPlanner
 from geodesic_motion_ros.planning.planner import ReactivePlanner
-from geodesic_motion_ros.planning.settings import PlannerSettings
 from geodesic_motion_ros.simulation.world import ArmWorld
 from geodesic_motion_ros.skill.skill import Skill
 from geodesic_motion_ros.utils.tables import Cell, text_table

@@ -11,8 +11,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from geodesic_motion_ros.planning.configuration_query import ConfigurationGoal
 from geodesic_motion_ros.planning.planner import ReactivePlanner
+from geodesic_motion_ros.queries.configuration_query import ConfigurationGoal
 from geodesic_motion_ros.utils.errors import ParameterError
 
 

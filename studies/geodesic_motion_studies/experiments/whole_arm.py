@@ -15,10 +15,10 @@ from matplotlib.figure import Figure
 from matplotlib.image import imsave
 from tqdm import tqdm
 
+from geodesic_motion_ros.certification.arm_clearance import configuration_clearance
 from geodesic_motion_ros.cli.arguments import name_list
-from geodesic_motion_ros.planning.arm_clearance import configuration_clearance
+from geodesic_motion_ros.contract.settings import PlannerSettings
 from geodesic_motion_ros.planning.planner import ReactivePlanner
-from geodesic_motion_ros.planning.settings import PlannerSettings
 from geodesic_motion_ros.robot.collision_model import CollisionModel
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.skill.skill import Skill

@@ -11,9 +11,9 @@ from geometry_msgs.msg import PoseStamped
 from rclpy.serialization import deserialize_message
 from trajectory_msgs.msg import JointTrajectory
 
+from geodesic_motion_ros.contract.settings import TOOL_LIMITS
 from geodesic_motion_ros.nodes.messages import MessageRefused, read_joint_trajectory, read_pose, seconds
 from geodesic_motion_ros.nodes.parameter_tables import PLANNER
-from geodesic_motion_ros.planning.settings import TOOL_LIMITS
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.robot.limits import JointLimits
 from geodesic_motion_ros.skill.skill import Skill

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from geodesic_motion_ros.planning.declared_scene import MASSIVE, DeclaredScene
+from geodesic_motion_ros.certification.declared_scene import MASSIVE, DeclaredScene
 from geodesic_motion_ros.robot.description import RobotDescription
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.simulation.loading import load_arm

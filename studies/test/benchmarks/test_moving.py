@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from geodesic_motion_ros.planning.arm_clearance import obstacle_clearance
+from geodesic_motion_ros.certification.arm_clearance import obstacle_clearance
 from geodesic_motion_ros.skill.skill import Skill
 from geodesic_motion_ros.utils.tables import write_json
 from geodesic_motion_studies.benchmarks.moving import MovingBench, MovingTicks, NewGoals, recorded_searches

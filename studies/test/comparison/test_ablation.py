@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from geodesic_motion_ros.planning import settings as constants
+from geodesic_motion_ros.contract import settings as constants
 from geodesic_motion_ros.skill.skill import Skill
 from geodesic_motion_studies.comparison.ablation import main, measured, parsed
 from geodesic_motion_studies.comparison.arena import Arena

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from geodesic_motion_ros.planning.settings import PlannerSettings
+from geodesic_motion_ros.contract.settings import PlannerSettings
 from geodesic_motion_ros.skill.skill import Skill
 from geodesic_motion_ros.utils.errors import GeodesicMotionError, ParameterError
 from geodesic_motion_ros.utils.tables import write_json

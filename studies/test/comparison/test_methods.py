@@ -7,9 +7,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from geodesic_motion_ros.certification.arm_clearance import configuration_clearance
 from geodesic_motion_ros.geometry.quaternions import angle_between
 from geodesic_motion_ros.obstacles.obstacles import Obstacles
-from geodesic_motion_ros.planning.arm_clearance import configuration_clearance
 from geodesic_motion_ros.skill.skill import Skill
 from geodesic_motion_ros.utils.errors import ParameterError
 from geodesic_motion_studies.comparison.arena import Arena

@@ -8,11 +8,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from geodesic_motion_ros.certification.declared_scene import DeclaredScene
+from geodesic_motion_ros.contract.settings import PlannerSettings
 from geodesic_motion_ros.demonstrations.joint_demonstrations import JointDemonstration
 from geodesic_motion_ros.geometry.shapes import solid_distances
 from geodesic_motion_ros.obstacles.obstacles import Obstacles
-from geodesic_motion_ros.planning.declared_scene import DeclaredScene
-from geodesic_motion_ros.planning.settings import PlannerSettings
 from geodesic_motion_ros.utils.errors import SkillError
 from geodesic_motion_studies.comparison.arena import Arena
 from geodesic_motion_studies.comparison.catalogue import ROWS

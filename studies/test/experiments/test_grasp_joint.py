@@ -8,11 +8,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from geodesic_motion_ros.contract.settings import PlannerSettings
 from geodesic_motion_ros.learning.settings import JointTrainingSettings
 from geodesic_motion_ros.learning.training import train_skill
 from geodesic_motion_ros.paper.paper_planner import PaperPlanner
 from geodesic_motion_ros.planning.planner import ReactivePlanner
-from geodesic_motion_ros.planning.settings import PlannerSettings
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.utils.errors import ParameterError
 from geodesic_motion_ros.utils.tables import write_json

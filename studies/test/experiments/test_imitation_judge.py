@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from geodesic_motion_ros.geometry.quaternions import angle_between
-from geodesic_motion_ros.planning.pose_path import PosePathPlanner
+from geodesic_motion_ros.queries.pose_path import PosePathPlanner
 from geodesic_motion_studies.experiments.imitation_judge import (
     EVERY_END,
     Judge,

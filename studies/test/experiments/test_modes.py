@@ -8,9 +8,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from geodesic_motion_ros.contract.settings import PlannerSettings
 from geodesic_motion_ros.geometry.curves import PoseCurve
 from geodesic_motion_ros.learning.settings import TrainingSettings
-from geodesic_motion_ros.planning.settings import PlannerSettings
 from geodesic_motion_ros.simulation.teacher import PILLAR, two_mode_demonstrations
 from geodesic_motion_ros.skill.skill import Skill
 from geodesic_motion_ros.utils.errors import ParameterError

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from geodesic_motion_ros.contract.settings import PlannerSettings
 from geodesic_motion_ros.planning.planner import ReactivePlanner
-from geodesic_motion_ros.planning.settings import PlannerSettings
 from geodesic_motion_ros.skill.skill import Skill
 from geodesic_motion_studies.experiments.arm_queries import body_spheres, distances
 from geodesic_motion_studies.experiments.blocked_arm import every

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from geodesic_motion_ros.planning.settings import PlannerSettings
+from geodesic_motion_ros.contract.settings import PlannerSettings
 from geodesic_motion_ros.skill.skill import Skill
 from geodesic_motion_ros.utils.errors import ParameterError
 from geodesic_motion_studies.experiments.obstacle_law_scenes import BETWEEN

@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
+from geodesic_motion_ros.contract.settings import PlannerSettings
 from geodesic_motion_ros.demonstrations.demonstrations import Demonstrations
 from geodesic_motion_ros.planning.planner import ReactivePlanner
-from geodesic_motion_ros.planning.pose_path import PosePathPlanner
-from geodesic_motion_ros.planning.settings import PlannerSettings
+from geodesic_motion_ros.queries.pose_path import PosePathPlanner
 from geodesic_motion_ros.skill.skill import Skill
 from geodesic_motion_ros.utils.errors import ParameterError
 from geodesic_motion_studies.experiments.pouring_motions import (

@@ -8,8 +8,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from geodesic_motion_ros.planning.arm_clearance import configuration_clearance
-from geodesic_motion_ros.planning.settings import PlannerSettings
+from geodesic_motion_ros.certification.arm_clearance import configuration_clearance
+from geodesic_motion_ros.contract.settings import PlannerSettings
 from geodesic_motion_ros.robot.collision_model import CollisionModel
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.robot.swivel import elbow_position

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 import pytest
 
-from geodesic_motion_ros.planning.declared_scene import DeclaredScene
+from geodesic_motion_ros.certification.declared_scene import DeclaredScene
 from geodesic_motion_ros.robot.collision_model import CollisionModel
 from geodesic_motion_ros.robot.description import RobotDescription, shipped_robots
 from geodesic_motion_ros.simulation.world import ArmWorld

@@ -7,10 +7,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from geodesic_motion_ros.contract.settings import CHANGEABLE, PlannerSettings
+from geodesic_motion_ros.contract.status import VerdictCode
 from geodesic_motion_ros.obstacles.obstacles import Obstacles
 from geodesic_motion_ros.planning.planner import ReactivePlanner
-from geodesic_motion_ros.planning.settings import CHANGEABLE, PlannerSettings
-from geodesic_motion_ros.planning.status import VerdictCode
 from geodesic_motion_ros.robot.limits import JointLimits
 from geodesic_motion_ros.skill.skill import Skill
 from geodesic_motion_ros.trajectory.timing import tool_limit_ratio

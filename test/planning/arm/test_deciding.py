@@ -12,11 +12,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from geodesic_motion_ros.certification.arm_clearance import obstacle_clearance
+from geodesic_motion_ros.contract.settings import SEARCH_PERIOD
 from geodesic_motion_ros.obstacles.obstacles import Obstacles
 from geodesic_motion_ros.planning.arbiter import Arbiter, Decision
-from geodesic_motion_ros.planning.arm_clearance import obstacle_clearance
 from geodesic_motion_ros.planning.planner import ReactivePlanner
-from geodesic_motion_ros.planning.settings import SEARCH_PERIOD
 from geodesic_motion_ros.planning.situation import Situation
 from geodesic_motion_ros.utils.deadline import NEVER, Deadline
 

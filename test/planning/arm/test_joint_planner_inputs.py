@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 import torch
 
+from geodesic_motion_ros.contract.status import Refusal, Verdict, VerdictCode
+from geodesic_motion_ros.motion.tracking import Tracking
 from geodesic_motion_ros.obstacles.obstacles import Obstacles
-from geodesic_motion_ros.planning.status import Refusal, Verdict, VerdictCode
-from geodesic_motion_ros.planning.tracking import Tracking
 from geodesic_motion_ros.robot.held_objects import HeldObject
 from geodesic_motion_ros.utils.errors import PlanningError
 

@@ -8,13 +8,13 @@ from functools import partial
 import numpy as np
 import pytest
 
+from geodesic_motion_ros.contract import settings as constants
+from geodesic_motion_ros.contract.mode import Mode
+from geodesic_motion_ros.contract.status import Refusal, VerdictCode
+from geodesic_motion_ros.motion.solver import Solver
 from geodesic_motion_ros.obstacles.obstacles import Obstacles
-from geodesic_motion_ros.planning import settings as constants
-from geodesic_motion_ros.planning.mode import Mode
 from geodesic_motion_ros.planning.planner import ReactivePlanner
 from geodesic_motion_ros.planning.situation import Situation
-from geodesic_motion_ros.planning.solver import Solver
-from geodesic_motion_ros.planning.status import Refusal, VerdictCode
 from geodesic_motion_ros.robot.swivel import elbow_position
 from geodesic_motion_ros.utils.deadline import Deadline
 

@@ -8,19 +8,19 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from geodesic_motion_ros.certification.certificate import ArmCertifier
+from geodesic_motion_ros.contract.mode import Mode, Purpose
+from geodesic_motion_ros.contract.requirement import Requirements
+from geodesic_motion_ros.contract.settings import EVASION_DISPLACED_WITHIN, SEARCH_PERIOD, PlannerSettings
+from geodesic_motion_ros.contract.status import Figures, Refusal, Verdict, VerdictCode
+from geodesic_motion_ros.motion.plan import MotionState, Plan
+from geodesic_motion_ros.motion.retry import PastSearch, Workings
+from geodesic_motion_ros.motion.stream import Stream
 from geodesic_motion_ros.obstacles.obstacles import Obstacles
-from geodesic_motion_ros.planning.certificate import ArmCertifier
 from geodesic_motion_ros.planning.memory import AttemptMemory
-from geodesic_motion_ros.planning.mode import Mode, Purpose
-from geodesic_motion_ros.planning.plan import MotionState, Plan
 from geodesic_motion_ros.planning.proposers.evasion import Evasion
 from geodesic_motion_ros.planning.proposers.turn import Turn
-from geodesic_motion_ros.planning.requirement import Requirements
-from geodesic_motion_ros.planning.retry import PastSearch, Workings
-from geodesic_motion_ros.planning.settings import EVASION_DISPLACED_WITHIN, SEARCH_PERIOD, PlannerSettings
 from geodesic_motion_ros.planning.situation import Situation
-from geodesic_motion_ros.planning.status import Figures, Refusal, Verdict, VerdictCode
-from geodesic_motion_ros.planning.stream import Stream
 from geodesic_motion_ros.robot.collision_model import CollisionModel
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.robot.limits import JointLimits

@@ -7,12 +7,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from geodesic_motion_ros.contract.mode import Purpose
+from geodesic_motion_ros.motion.plan import Plan
+from geodesic_motion_ros.motion.played import FollowedPlan
 from geodesic_motion_ros.obstacles.obstacles import Obstacles
 from geodesic_motion_ros.planning.arbiter import PROPOSERS, Arbiter, Decision
-from geodesic_motion_ros.planning.mode import Purpose
-from geodesic_motion_ros.planning.plan import Plan
 from geodesic_motion_ros.planning.planner import ReactivePlanner
-from geodesic_motion_ros.planning.played import FollowedPlan
 from geodesic_motion_ros.planning.proposers.turn import Proposer, Turn
 from geodesic_motion_ros.skill.skill import Skill
 from geodesic_motion_ros.trajectory.timing import timed_joint_reference

@@ -1,6 +1,6 @@
 """Our detours from other base paths than the skill's geodesic: what the manifold is worth as the path that they leave.
 
-The detour planner takes any path of configurations as its base (`planning/detour_frame.py`). What is left of it is
+The detour planner takes any path of configurations as its base (`detours/detour_frame.py`). What is left of it is
 played; where that is blocked the arm stops, and a detour beside it is searched from where it rests. Search, band and
 margin are those of ours, and so is the metric: the covariance of what the nearest demonstration's mode shows at the
 same share of the path. Bases:
@@ -18,12 +18,12 @@ from typing import Any, Literal
 
 import numpy as np
 
+from geodesic_motion_ros.contract.settings import PlannerSettings
+from geodesic_motion_ros.contract.status import Figures
+from geodesic_motion_ros.detours.detour_frame import DemonstratedSpread, DetourFrame
+from geodesic_motion_ros.motion.detour import Detour, DetourPlanner
+from geodesic_motion_ros.motion.solver import Solver
 from geodesic_motion_ros.obstacles.obstacles import Obstacles
-from geodesic_motion_ros.planning.detour import Detour, DetourPlanner
-from geodesic_motion_ros.planning.detour_frame import DemonstratedSpread, DetourFrame
-from geodesic_motion_ros.planning.settings import PlannerSettings
-from geodesic_motion_ros.planning.solver import Solver
-from geodesic_motion_ros.planning.status import Figures
 from geodesic_motion_ros.trajectory.trajectory import interpolated
 from geodesic_motion_studies.comparison.arena import Arena
 from geodesic_motion_studies.comparison.methods.free_demonstration import POINTS

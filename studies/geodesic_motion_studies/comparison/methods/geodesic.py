@@ -7,14 +7,14 @@ from typing import Literal
 
 import numpy as np
 
+from geodesic_motion_ros.certification.declared_scene import DeclaredScene
+from geodesic_motion_ros.contract.settings import PlannerSettings
 from geodesic_motion_ros.geometry.quaternions import to_rotation
+from geodesic_motion_ros.kernels.loading import load_kernels
+from geodesic_motion_ros.motion.tracking import Tracking, TrackingMonitor
 from geodesic_motion_ros.obstacles.obstacles import Obstacles
 from geodesic_motion_ros.obstacles.velocity_history import VelocityHistory
-from geodesic_motion_ros.planning.declared_scene import DeclaredScene
 from geodesic_motion_ros.planning.planner import ReactivePlanner
-from geodesic_motion_ros.planning.settings import PlannerSettings
-from geodesic_motion_ros.planning.tracking import Tracking, TrackingMonitor
-from geodesic_motion_ros.planning.warm_up import load_kernels
 from geodesic_motion_ros.robot.body_points import BodyPoints
 from geodesic_motion_ros.robot.collision_model import CollisionModel
 from geodesic_motion_ros.robot.kinematics import Robot

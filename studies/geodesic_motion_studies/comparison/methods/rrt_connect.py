@@ -13,8 +13,8 @@ from typing import Any
 
 import numpy as np
 
+from geodesic_motion_ros.certification.arm_clearance import obstacle_clearance
 from geodesic_motion_ros.obstacles.obstacles import Obstacles
-from geodesic_motion_ros.planning.arm_clearance import obstacle_clearance
 from geodesic_motion_ros.robot.collision_model import self_clearance
 from geodesic_motion_studies.comparison.arena import Arena
 from geodesic_motion_studies.comparison.replanning import LATENCY, MARGIN, PREDICTION, RETRY, Replanning

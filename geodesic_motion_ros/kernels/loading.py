@@ -1,0 +1,65 @@
+"""Loads the compiled kernels of a planner into this process, so that no tick of its stream waits for them.
+
+numba reads a kernel from its cache, or compiles it, where a process first calls it. So a program calls `load_kernels`
+before it begins a stream: a kernel that is not called here is read in the first tick that needs it, or compiled, for
+seconds.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from geodesic_motion_ros.contract.status import Refusal, VerdictCode
+from geodesic_motion_ros.geometry.pose import Pose
+from geodesic_motion_ros.geometry.task_frame import TaskFrame
+from geodesic_motion_ros.motion.evasion_motion import evasion_beside_graph
+from geodesic_motion_ros.motion.plan import MotionState
+from geodesic_motion_ros.motion.played import FollowedPlan, PlayedTrajectory
+from geodesic_motion_ros.obstacles.obstacles import Obstacles
+from geodesic_motion_ros.planning.planner import ReactivePlanner
+from geodesic_motion_ros.planning.situation import Situation
+from geodesic_motion_ros.queries.search import load_search
+from geodesic_motion_ros.trajectory.timing import load_references
+
+#: How far from what was demonstrated a detour and an evasion are looked for [m].
+_REACH = 0.1
+
+
+def load_kernels(planner: ReactivePlanner) -> None:
+    """Load every compiled kernel that a tick of a planner may call, or compile those that numba's cache lacks.
+
+    The parts of a tick are called: from the skill's start to its goal, among an obstacle of each kind far above the
+    arm. The planner stays as it is.
+    """
+    arm, solver, skill = planner.arm, planner.arm.solver, planner.skill
+    load_references(planner.limits, solver.tool)
+    frame = TaskFrame.identity()
+    if planner.robot.takes_poses:
+        start = arm.queries.start_by_pose(Pose(skill.start_pose[:3], skill.start_pose[3:]))
+        goal = arm.queries.goal_by_pose(Pose(skill.goal_pose[:3], skill.goal_pose[3:]), frame)
+    else:
+        start = skill.mean_configuration("start")
+        goal = arm.queries.goal_by_configuration(skill.mean_configuration("goal"), frame)
+    if isinstance(goal, Refusal):
+        return
+    start = planner.robot.ready if isinstance(start, Refusal) else start
+    query = arm.queries.build(start, goal)
+    if isinstance(query, Refusal):
+        return
+    load_search(planner.graph, query, planner.settings)
+    obstacles, still = Obstacles.one_of_each(np.array([0.0, 0.0, 3.0]), np.full(3, 1e-3), 0.0), np.zeros_like(start)
+    state = MotionState(0.0, start, still, still, query.start_latent)
+    if planner.may_detour:
+        arm.detours.find(query, obstacles, _REACH)
+        evasion_beside_graph(solver, query, state, obstacles, _REACH)
+    plan = solver.solve(query, state, obstacles, solver.cautious_attempts)
+    if plan.trajectory is None:
+        return
+    played = PlayedTrajectory(plan.trajectory, 0.0, solver.certifier)
+    followed = FollowedPlan.of(query, plan, obstacles, 0.0)
+    moving = Situation(planner.settings, planner.limits, solver.certifier, played, followed, 0.1, obstacles)
+    moving.free_path(query)
+    arm.query_from(moving.state, followed, goal)
+    stop = moving.begin_stop(Refusal(VerdictCode.NO_GOAL)).plan
+    if stop.trajectory is not None:
+        plan.trajectory.continue_by(stop.trajectory, 0.0, stop.begin)

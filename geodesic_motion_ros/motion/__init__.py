@@ -1,0 +1,1 @@
+"""Certified motions: along paths, around obstacles, towards covered goals, and how one takes over from another."""

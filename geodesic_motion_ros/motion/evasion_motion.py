@@ -1,0 +1,108 @@
+"""Certified motions of an arm that makes room, to places to which no obstacle is expected to come: on the graph nearby,
+or beside it.
+"""
+
+from __future__ import annotations
+
+import math
+from itertools import islice
+
+import numpy as np
+
+from geodesic_motion_ros.certification.arm_in_scene import ArmInScene
+from geodesic_motion_ros.contract import settings as constants
+from geodesic_motion_ros.contract.status import Figures, Refusal, Verdict
+from geodesic_motion_ros.motion.path_timer import JointCurve
+from geodesic_motion_ros.motion.plan import MotionState, Plan
+from geodesic_motion_ros.motion.retry import Workings
+from geodesic_motion_ros.motion.solver import Solver, latent_start
+from geodesic_motion_ros.obstacles.obstacles import Obstacles
+from geodesic_motion_ros.queries.evasion_targets import displaced_paths, paths_to_targets
+from geodesic_motion_ros.queries.query import ArmQuery
+from geodesic_motion_ros.trajectory.trajectory import JointReference, joined
+from geodesic_motion_ros.utils.deadline import NEVER, Deadline
+
+
+def evasion_on_graph(
+    solver: Solver,
+    query: ArmQuery,
+    state: MotionState,
+    obstacles: Obstacles,
+    stop: JointReference,
+    workings: Workings,
+    deadline: Deadline = NEVER,
+) -> Plan | None:
+    """Return a certified motion to a place on the graph nearby, to which no obstacle is expected to come; None where
+    none is found in time.
+
+    An arm in motion stops first, as it can go back then, or else sets out as it moves.
+
+    stop : the soonest stop from the state. workings : as of `solve`.
+    """
+    requirement = solver.requirements.evasion
+    evaluation = solver.evaluation(query, obstacles.swept(requirement.horizon))
+    apart = requirement.searched.of()
+    for begin, first in _begins(solver, state, obstacles, stop):
+        start = latent_start(query, begin)
+        for path in paths_to_targets(solver.graph, query, start, evaluation, constants.EVASION_STEPS, apart):
+            timed = workings.time_path(solver.timer, query, begin, path, False, math.inf)
+            if not isinstance(timed, Refusal):
+                whole = timed.reference if first is None else joined(first, 0.0, timed.reference, first.duration)
+                certificate, objection = solver.certifier.assess(solver.certifier.sweep(whole), obstacles, requirement)
+                figures = solver.judge(query, path, timed, certificate, objection)
+                if not isinstance(figures, Refusal):
+                    return Plan(solver.certifier.judge(whole, certificate), state.time, Verdict(figures=figures))
+            if deadline.passed:
+                return None
+    return None
+
+
+def _begins(
+    solver: Solver, state: MotionState, obstacles: Obstacles, stop: JointReference
+) -> list[tuple[MotionState, JointReference | None]]:
+    """The states in which an evasion may set out, in the order in which they are tried, each with the motion that
+    is played until then: at rest after a stop, where no obstacle meets that; and in motion.
+    """
+    if not np.any(state.velocity):
+        return [(state, None)]
+    while_stopping = solver.requirements.evasion.until(stop.duration)
+    _, met = solver.certifier.assess(solver.certifier.sweep(stop), obstacles, while_stopping)
+    return [(state, None)] if met else [(state.after(stop), stop), (state, None)]
+
+
+def evasion_beside_graph(
+    solver: Solver,
+    query: ArmQuery,
+    state: MotionState,
+    obstacles: Obstacles,
+    reach: float,
+    deadline: Deadline = NEVER,
+) -> Plan | None:
+    """Return a certified motion to a place beside the graph, to which no obstacle comes soon; None where none is found
+    in time.
+
+    reach : how far the tool may be from what was demonstrated [m].
+    """
+    latent = latent_start(query, state)[None]
+    progress, _ = solver.graph.progress_map(latent)
+    configurations = query.configurations_along(latent, state.position)
+    if isinstance(configurations, Refusal):
+        return None
+    left = reach - query.displaced_at(progress)
+    undisplaced, _ = solver.robot.forward(configurations[0])
+    seen = solver.seen_volume_beside(state.position[None])
+    requirement = solver.requirements.beside_graph
+    swept = obstacles.swept(requirement.horizon).beside(solver.scene.solids)
+    arm, apart = ArmInScene.of(solver.robot, solver.collision, swept, seen), requirement.searched.of()
+    targets = displaced_paths(solver.robot, arm, state.position, undisplaced, left, apart)
+    for curve in islice(targets, constants.EVASION_DISPLACED):
+        if deadline.passed:
+            return None
+        timed = solver.timer.time_curve(state, JointCurve(curve, np.repeat(latent, len(curve), axis=0), 0.0))
+        if isinstance(timed, Refusal):
+            continue
+        certificate, met = solver.certifier.assess(timed.swept, obstacles, requirement)
+        if not (met or solver.certifier.seen_objection(timed.swept, seen)):
+            verdict = Verdict(figures=Figures(clearance=float(np.min(certificate.clearance))))
+            return Plan(solver.certifier.judge(timed.reference, certificate), state.time, verdict)
+    return None

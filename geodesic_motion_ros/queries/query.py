@@ -1,0 +1,581 @@
+"""Query: a start and a goal, with the latent graph of a skill transported to them; and the builder of queries.
+
+A query is made in two steps. The decoded nodes are *transported* by the offsets of both ends, so that paths begin and
+end where it was requested, and obstacles are met where the robot will really be. Then an arm *holds* the graph: each
+node gets a configuration (`Lift`). Configurations are their own; poses of the tool are held in a posture that follows
+from where the arm stands.
+
+Which latent points are transported onto start and goal:
+
+- on a canonical sheet, learned from endpoint-normalised demonstrations, where all of these start and where all end, its
+  *poles*, as long as what is requested lies within the starts and goals that were demonstrated, or not further beyond
+  them than the limits allow;
+- otherwise, and always on the raw sheet, the nearest trusted nodes of the manifold.
+
+Start and goal may choose between the demonstrations: then the corrections along the mean paths, and how near to them
+paths stay, are those of demonstrations with such ends.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Sequence
+from copy import copy
+from dataclasses import dataclass, replace
+from typing import Any, ClassVar, Generic, Literal, NamedTuple, Protocol, TypeVar, get_args
+
+import numpy as np
+
+from geodesic_motion_ros.certification.declared_scene import DeclaredScene
+from geodesic_motion_ros.contract.settings import PlannerSettings
+from geodesic_motion_ros.contract.status import Figures, Refusal, VerdictCode
+from geodesic_motion_ros.geometry.pose import Pose
+from geodesic_motion_ros.geometry.task_frame import TaskFrame
+from geodesic_motion_ros.manifold.mean_path import MeanPaths
+from geodesic_motion_ros.manifold.metric_field import MetricField
+from geodesic_motion_ros.manifold.node_body import LinkBounds, NodeBody
+from geodesic_motion_ros.manifold.shortest_path import cost_field
+from geodesic_motion_ros.manifold.transport import corrections_at
+from geodesic_motion_ros.manifold.weighted_graph import WeightedGraph
+from geodesic_motion_ros.robot.collision_model import CollisionModel
+from geodesic_motion_ros.robot.kinematics import Robot
+from geodesic_motion_ros.skill.sheet import beyond_demonstrated
+from geodesic_motion_ros.skill.skill import ENDPOINT_MULTIPLE, Skill
+
+EndName = Literal["start", "goal"]
+Output = TypeVar("Output")
+"""An element of the space that a skill was learned in: a `Pose` of the tool, or a configuration (eta,) [rad]."""
+
+
+class AlongMeanPaths(NamedTuple):
+    """The mean paths of a query, and what they change; None and None where they are not used.
+
+    Attributes
+    ----------
+    corrections : (K, S, k) of the decoder along them. conformal : (n,) factors of the nodes.
+    """
+
+    corrections: np.ndarray
+    conformal: np.ndarray | None
+    mean_paths: MeanPaths | None
+
+
+@dataclass(frozen=True)
+class End(Generic[Output]):
+    """A requested start or goal, and the latent point that is transported onto it.
+
+    Attributes
+    ----------
+    node : the graph's node at, or nearest to, the latent point (d,).
+    decoded, requested : the output that the latent point decodes to, and the one it is transported onto.
+    offset : (k,) from the one to the other. beyond : (k,) the part of it that no demonstration has.
+    task_offset : (k,) from the pole of the demonstrations; zeros where the latent point is no pole.
+    """
+
+    latent: np.ndarray
+    node: int
+    decoded: Output
+    requested: Output
+    offset: np.ndarray
+    beyond: np.ndarray
+    task_offset: np.ndarray
+
+    @property
+    def misfit(self) -> float:
+        """The size of the part of the offset that no demonstration has; a radian of a pose counts as a metre."""
+        return float(np.linalg.norm(self.beyond))
+
+
+@dataclass(frozen=True)
+class Pole(Generic[Output]):
+    """A latent point where demonstrations of a group start, or where they end.
+
+    Attributes
+    ----------
+    node, decoded : as of `End`. mean : of these starts or ends. demonstrated : (N, k) their offsets from it.
+    """
+
+    latent: np.ndarray
+    node: int
+    decoded: Output
+    mean: Output
+    demonstrated: np.ndarray
+
+
+class Lift(Protocol):
+    """What gives a transported graph its configurations."""
+
+    def configurations_along(self, query: Any, latent: np.ndarray, start: np.ndarray) -> np.ndarray | Refusal:
+        """As of `Query`."""
+        ...
+
+    def turned_to_base(self, covariances: np.ndarray) -> np.ndarray:
+        """As of `Query`."""
+        ...
+
+
+@dataclass(frozen=True)
+class Query(Generic[Output]):
+    """A start and a goal, with the graph transported to them and the costs that its searches need.
+
+    Attributes
+    ----------
+    start, goal : the requested ends; configurations (eta,) [rad] where an arm holds the graph.
+    ends : the same in the space of the skill, with the latent points that are transported onto them.
+    decoded : the skill's graph, before it was transported.
+    offsets, graph : by how much it was moved, and the result; edges that the arm cannot follow cost infinitely much.
+    field : the metric between the nodes.
+    body : the tool, or the arm, at every node.
+    to_goal, from_start : (n,) obstacle-free cost to the goal's node, and from the start's: the search's heuristics.
+    cost_limit : paths that cost more count as blocked.
+    misfits : the endpoint errors, how far both ends are moved, under their names in `Figures`.
+    task_start : (k,) offset of the task's start from the demonstrated mean, wherever on the path the query begins.
+    along_mean_paths : corrections and conformal factors for it and for that of the goal.
+    lift : what gives it its configurations; None: no arm holds it.
+    displaced : how far the tool was from the graph of the query before this one, as this one began [m]; 0: there was
+        none.
+    """
+
+    start: Output
+    goal: Output
+    ends: tuple[End[Any], End[Any]]
+    decoded: Any
+    offsets: Any
+    graph: WeightedGraph
+    field: MetricField
+    body: NodeBody
+    to_goal: np.ndarray
+    from_start: np.ndarray
+    cost_limit: float
+    misfits: Figures
+    task_start: np.ndarray
+    along_mean_paths: AlongMeanPaths
+    lift: Lift | None = None
+    displaced: float = 0.0
+
+    @property
+    def start_latent(self) -> np.ndarray:
+        """Latent point (d,) that is transported onto the start."""
+        return self.ends[0].latent
+
+    @property
+    def goal_node(self) -> int:
+        """The node that is transported onto the goal."""
+        return self.ends[1].node
+
+    def displaced_at(self, progress: np.ndarray) -> float:
+        """The rest of `displaced` [m] at a progress (1,): it fades towards the goal, as the offset of the start."""
+        return self.displaced * (1.0 - float(self.offsets.blended(progress)[0]))
+
+    def configurations_along(self, latent: np.ndarray, start: np.ndarray) -> np.ndarray | Refusal:
+        """Configurations (m, eta) of a latent curve (m, d), the first of them near a configuration (eta,); or where and
+        why the arm cannot hold it.
+        """
+        assert self.lift is not None
+        return self.lift.configurations_along(self, latent, start)
+
+    def turned_to_base(self, covariances: np.ndarray) -> np.ndarray:
+        """Covariances (m, 3, 3) of positions in the frame of the skill, in the base frame."""
+        assert self.lift is not None
+        return self.lift.turned_to_base(covariances)
+
+
+#: The query that a solver plans for: its ends and its nodes are configurations of an arm.
+ArmQuery = Query[np.ndarray]
+#: The query of a tool that no arm holds.
+PoseQuery = Query[Pose]
+
+
+class PathEnds(Protocol):
+    """The configurations (eta,) [rad] between which a path leads; misfits : as of `Query`."""
+
+    @property
+    def start(self) -> np.ndarray: ...
+    @property
+    def goal(self) -> np.ndarray: ...
+    @property
+    def misfits(self) -> Figures: ...
+
+
+class Goal(ABC, Generic[Output]):
+    """A goal that was accepted; those of one space are compared among themselves.
+
+    Attributes
+    ----------
+    frame : where the frame that the skill was demonstrated in stands.
+    stated : how the goal was found, for a person.
+    """
+
+    frame: TaskFrame
+    stated: str
+
+    @property
+    @abstractmethod
+    def outputs(self) -> Sequence[Output]:
+        """What would meet it, in the space and the frame of the skill: the query goes to the one that serves best."""
+
+    @abstractmethod
+    def is_same(self, other: Any) -> bool:
+        """Whether the same is meant, received again."""
+
+    @abstractmethod
+    def is_near(self, other: Any) -> bool:
+        """Whether it is hardly elsewhere, and may wait until the arm rests."""
+
+
+ArmGoal = Goal[Any]
+
+
+def edges_in_scene(
+    scene: DeclaredScene, graph: WeightedGraph, body: NodeBody, start_node: int, goal_node: int, margin: float
+) -> np.ndarray:
+    """Mask (m,) of the edges at nodes where a body is nearer to a scene than a margin [m], or where that is less, than
+    half of what it keeps at both ends; or deeper in it than at the goal, where that is inside: to be approached.
+    """
+    if not scene.names:
+        return np.zeros(len(graph.edges), dtype=bool)
+    clearances = scene.clearances(body.spheres, body.sphere_radii)
+    at_goal = float(clearances[goal_node])
+    kept = min(margin, 0.5 * float(clearances[start_node]), 0.5 * at_goal if at_goal > 0.0 else at_goal)
+    near = clearances < kept
+    return near[graph.edges[:, 0]] | near[graph.edges[:, 1]]
+
+
+class QueryBuilder(ABC, Generic[Output]):
+    """Makes the queries of an arm with one skill: finds its ends on the manifold, transports the graph, holds it.
+
+    Attributes
+    ----------
+    follows_task_frame : whether the skill may stand elsewhere than it was demonstrated.
+    """
+
+    follows_task_frame: ClassVar[bool]
+    #: Offsets of the task differ by less where the same demonstrations are meant, in the scale of offsets.
+    _same_task: ClassVar[float]
+
+    def __init__(
+        self,
+        skill: Skill,
+        graph: Any,
+        settings: PlannerSettings,
+        robot: Robot,
+        collision: CollisionModel,
+        scene: DeclaredScene | None,
+        scale: np.ndarray,
+    ) -> None:
+        """graph : decoded from the skill; collision : the spheres that obstacles are kept away from; scene : what
+        always stands around the arm; scale : (k,) what each number of an offset counts where offsets are compared.
+        """
+        self._skill, self._graph, self._settings, self._robot = skill, graph, settings, robot
+        self._collision, self._links = collision, LinkBounds.of(collision)
+        self._scene, self._scale = scene or DeclaredScene.empty(), scale
+        self._mean_paths = skill.mean_paths if settings.ridge_strength > 0.0 else None
+        nowhere = np.zeros(len(scale))
+        self._unconditioned = self._along_mean_paths(nowhere, nowhere, conditioned=False)
+        self._poles: dict[str, list[Pole[Output]]] = {end: self._find_poles(end) for end in get_args(EndName)}
+        self._unmoved = self._unmoved_lengths(self._unconditioned[1])
+        self._demonstrated_cost = self._cost_of_demonstration()
+
+    def guarding(self, collision: CollisionModel, settings: PlannerSettings) -> QueryBuilder[Output]:
+        """The builder of the arm with other spheres, and with other settings."""
+        other = copy(self)
+        other._collision, other._links, other._settings = collision, LinkBounds.of(collision), settings
+        return other
+
+    # ------------------------------------------------------ ends of an arm
+
+    @abstractmethod
+    def goal_by_pose(self, pose: Pose, frame: TaskFrame) -> Goal[Output] | Refusal:
+        """The goal of a tool pose of the base frame; frame : the task frame. Or why it is refused."""
+
+    @abstractmethod
+    def goal_by_configuration(self, configuration: np.ndarray, frame: TaskFrame) -> Goal[Output] | Refusal:
+        """The goal of a configuration (eta,) [rad]; frame : the task frame. Or why it is refused."""
+
+    @abstractmethod
+    def goal_in_place(self, pose: Pose, frame: TaskFrame, standing: np.ndarray) -> Goal[Output] | None:
+        """The goal in the configuration (eta,) in which the arm stands, where that serves for a pose; None else."""
+
+    @abstractmethod
+    def start_by_pose(self, pose: Pose, commanded: np.ndarray | None = None) -> np.ndarray | Refusal:
+        """The configuration (eta,) in which a plan from a tool pose begins, of an arm with a commanded one."""
+
+    @abstractmethod
+    def in_turn(self, configuration: np.ndarray) -> np.ndarray:
+        """A configuration (eta,) with its continuous joints in the turn in which the skill has them."""
+
+    # -------------------------------------------------------------- queries
+
+    def build(self, start: np.ndarray, goal: Goal[Output]) -> ArmQuery | Refusal:
+        """The query from a configuration (eta,) to a goal, or why there is none."""
+        found = self.transport(self._output(start, goal.frame), goal.outputs)
+        return found if isinstance(found, Refusal) else self._held(found, goal.frame, start)
+
+    def redirected(
+        self, query: ArmQuery, start: np.ndarray, latent: np.ndarray, goal: Goal[Output]
+    ) -> ArmQuery | Refusal | None:
+        """The query that goes on from a configuration on the path of an older one, at its latent point, to a new goal.
+
+        None where the latent point is not connected to any node: then the query has to be built anew.
+        """
+        found = self._redirected(query, self._output(start, goal.frame), latent, goal.outputs)
+        return found if found is None or isinstance(found, Refusal) else self._held(found, goal.frame, start)
+
+    @abstractmethod
+    def other_posture(self, query: ArmQuery) -> ArmQuery | None:
+        """The same query in the next posture in which the arm can hold it; None where none is left."""
+
+    @abstractmethod
+    def first_posture(self, query: ArmQuery) -> ArmQuery:
+        """The same query in the first posture in which the arm can hold it."""
+
+    @abstractmethod
+    def rebuilt(self, query: ArmQuery) -> ArmQuery | Refusal:
+        """The query of a builder that guards other spheres, with the spheres of this one."""
+
+    # ------------------------------------------------- in the skill's space
+
+    def goal_refusal(self, goals: Sequence[Output]) -> Refusal | None:
+        """Why none of several goals lies close enough to what was demonstrated, or to some trusted node; None where one
+        does.
+        """
+        pieces = self._graph.pieces_with_demonstrations()
+        ends = [end for goal in goals for piece in pieces if (end := self._end("goal", goal, piece)) is not None]
+        if not ends:
+            return Refusal(VerdictCode.GOAL_OUT_OF_SUPPORT, "the skill has no supported latent point at all")
+        return self._offset_refusal("goal", min(ends, key=lambda end: end.misfit))
+
+    def transport(self, start: Output, goals: Sequence[Output]) -> Query[Output] | Refusal:
+        """Choose both ends on one connected piece of the manifold, and transport the graph to them."""
+        pairs = []
+        for piece in self._graph.pieces_with_demonstrations():
+            here = self._end("start", start, piece)
+            theres = [] if here is None else [self._end("goal", goal, piece) for goal in goals]
+            pairs += [(here, there) for there in theres if here is not None and there is not None]
+        if not pairs:
+            return Refusal(VerdictCode.START_OUT_OF_SUPPORT, "no supported latent point near start and goal")
+        allowed = [pair for pair in pairs if self._is_allowed(pair[0]) and self._is_allowed(pair[1])]
+        if not allowed:
+            here, there = min(pairs, key=lambda pair: pair[0].misfit + pair[1].misfit)
+            refusal = self._offset_refusal("start", here) or self._offset_refusal("goal", there)
+            assert refusal is not None
+            return refusal
+        here, there = min(allowed, key=lambda pair: self._preference(*pair))
+        return self._between(
+            here, there, here.task_offset, self._chosen_mean_paths(here.task_offset, there.task_offset)
+        )
+
+    def _redirected(
+        self, query: Query[Any], start: Output, latent: np.ndarray, goals: Sequence[Output]
+    ) -> Query[Output] | Refusal | None:
+        """As `redirected`, not held by an arm yet."""
+        piece = int(self._graph.component[query.goal_node])
+        node = self._graph.node_near(latent, self._graph.component == piece, 1)
+        if node is None:
+            return None
+        decoded = self._decoded(latent)
+        offset = self._difference(decoded, start)
+        here = End(latent, node, decoded, start, offset, np.zeros_like(offset), query.task_start)
+        ends = [end for goal in goals if (end := self._end("goal", goal, piece)) is not None]
+        if not ends:
+            return None
+        allowed = [end for end in ends if self._is_allowed(end)]
+        if not allowed:
+            return self._offset_refusal("goal", min(ends, key=lambda end: end.misfit))
+        there = min(allowed, key=lambda end: self._preference(here, end))
+        along_mean_paths, moved = query.along_mean_paths, there.task_offset - query.ends[1].task_offset
+        if np.linalg.norm(self._scale * moved) > self._same_task:
+            along_mean_paths = self._chosen_mean_paths(query.task_start, there.task_offset)
+        found = self._between(here, there, query.task_start, along_mean_paths)
+        progress, _ = self._graph.progress_map(latent[None])
+        return replace(found, displaced=self._tool_moved(query, latent, start) + query.displaced_at(progress))
+
+    def _between(
+        self, here: End[Output], there: End[Output], task_start: np.ndarray, along_mean_paths: AlongMeanPaths
+    ) -> Query[Output]:
+        progress, shares = self._graph.progress_map(np.stack([here.latent, there.latent]))
+        corrected = corrections_at(along_mean_paths.corrections, progress, shares)
+        at = float(progress[0]), float(progress[1])
+        offsets = self._offsets(here, there, at, corrected, along_mean_paths.corrections)
+        graph, field, body = self._carried(offsets, (here.node, there.node), along_mean_paths)
+        to_goal = cost_field(self._graph.adjacency, graph.base, there.node)
+        return Query(
+            start=here.requested,
+            goal=there.requested,
+            ends=(here, there),
+            decoded=self._graph,
+            offsets=offsets,
+            graph=graph,
+            field=field,
+            body=body,
+            to_goal=to_goal,
+            from_start=cost_field(self._graph.adjacency, graph.base, here.node),
+            cost_limit=self._settings.cost_cap * max(self._demonstrated_cost, float(to_goal[here.node])),
+            misfits=Figures(**self._misfits("start", here), **self._misfits("goal", there)),
+            task_start=task_start,
+            along_mean_paths=along_mean_paths,
+        )
+
+    # ----------------------------------------------------------------- ends
+
+    def _find_poles(self, name: EndName) -> list[Pole[Output]]:
+        sheet, poles = self._skill.canonical, []
+        for members, mean in self._groups(name):
+            assert sheet is not None
+            latent = self._skill.codes[members, 0 if name == "start" else -1].mean(axis=0)
+            node = self._graph.node_near(latent, np.ones(len(self._graph.latent), bool), max(self._graph.grid.shape))
+            assert node is not None
+            if name == "goal":
+                # A path ends at a node.
+                latent = self._graph.latent[node]
+            offsets = sheet.start_offsets if name == "start" else sheet.goal_offsets
+            poles.append(Pole(latent, node, self._decoded(latent), mean, offsets[members]))
+        return poles
+
+    def _end(self, name: EndName, requested: Output, piece: int) -> End[Output] | None:
+        """Where a connected piece of the graph meets an output; None where none of it is trusted."""
+        poles = [pole for pole in self._poles[name] if self._graph.component[pole.node] == piece]
+        best = min((self._at_pole(pole, requested) for pole in poles), key=lambda end: end.misfit, default=None)
+        if best is not None and self._is_allowed(best):
+            return best
+        node = self._nearest_node(requested, piece, ENDPOINT_MULTIPLE * self._skill.sigma_support)
+        if node is None:
+            return best
+        decoded = self._decoded(self._graph.latent[node])
+        offset = self._difference(decoded, requested)
+        nearest = End(
+            self._graph.latent[node], node, decoded, requested, offset, offset, np.zeros_like(offset)
+        )  # fmt: skip
+        return nearest if best is None else min(nearest, best, key=lambda end: end.misfit)
+
+    def _at_pole(self, pole: Pole[Output], requested: Output) -> End[Output]:
+        task_offset = self._difference(pole.mean, requested)
+        beyond = beyond_demonstrated(task_offset, pole.demonstrated, self._scale)
+        offset = self._difference(pole.decoded, requested)
+        return End(pole.latent, pole.node, pole.decoded, requested, offset, beyond, task_offset)
+
+    def _offset_refusal(self, name: EndName, end: End[Output]) -> Refusal | None:
+        """Why an end is too far from what was demonstrated; None where it is not."""
+        if self._is_allowed(end):
+            return None
+        figures = Figures(**self._misfits(name, end))
+        return Refusal(self._out_of_support(name), f"the {name} is {self._stated_misfit(end)}", figures)
+
+    def _is_allowed(self, end: End[Output]) -> bool:
+        return all(length <= limit for length, limit in zip(self._lengths(end.beyond), self._limits(), strict=True))
+
+    def _misfits(self, name: EndName, end: End[Output]) -> dict[str, Any]:
+        """How far an end is from what is decoded there, and from what was demonstrated, under their names in `Figures`.
+
+        The second length of an offset, where it has two, is an angle.
+        """
+        parts = (("offset", end.offset), ("beyond", end.beyond))
+        return {
+            f"{name}_{part}{suffix}": length
+            for part, offset in parts
+            for suffix, length in zip(("", "_angle"), self._lengths(offset), strict=False)
+        }
+
+    @staticmethod
+    def _out_of_support(name: EndName) -> VerdictCode:
+        """The code of an end that is too far from what was demonstrated."""
+        return VerdictCode.START_OUT_OF_SUPPORT if name == "start" else VerdictCode.GOAL_OUT_OF_SUPPORT
+
+    # ------------------------------------------------------ along mean paths
+
+    def _chosen_mean_paths(self, task_start: np.ndarray, task_goal: np.ndarray) -> AlongMeanPaths:
+        """Those of start and goal where the skill found that they choose between demonstrations; of the mean else."""
+        sheet = self._skill.canonical
+        if self._mean_paths is None or sheet is None or not (self._settings.query_conditioning and sheet.regresses):
+            return self._unconditioned
+        return self._along_mean_paths(task_start, task_goal, conditioned=True)
+
+    def _along_mean_paths(self, start_offset: np.ndarray, goal_offset: np.ndarray, conditioned: bool) -> AlongMeanPaths:
+        sheet = self._skill.canonical
+        if self._mean_paths is None or sheet is None:
+            # No mean path is used, but the graph counts the shares of the skill's.
+            return AlongMeanPaths(np.zeros((self._graph.mean_path_count, 2, len(start_offset))), None, None)
+        weights = sheet.weights(start_offset, goal_offset, conditioned)
+        mean_paths = self._mean_paths.moved_to(np.einsum("kn,nsd->ksd", weights, self._skill.codes))
+        corrections = sheet.corrections(self._graph.decoder, mean_paths, weights)
+        conformal = mean_paths.conformal_factors(self._graph.latent, self._settings.ridge_strength)
+        return AlongMeanPaths(corrections, conformal, mean_paths)
+
+    def _cost_of_demonstration(self) -> float:
+        """The cost of the first demonstration's path where the skill was demonstrated."""
+        everywhere = np.ones(len(self._graph.latent), dtype=bool)
+        steps = max(self._graph.grid.shape)
+        start, goal = (self._graph.node_near(code, everywhere, steps) for code in self._skill.codes[0, [0, -1]])
+        assert start is not None
+        assert goal is not None
+        return float(cost_field(self._graph.adjacency, self._unmoved, goal)[start])
+
+    # ---------------------------------------------- what the space determines
+
+    @abstractmethod
+    def _output(self, configuration: np.ndarray, frame: TaskFrame) -> Output:
+        """Where an arm in a configuration (eta,) is in the space; frame : the task frame."""
+
+    @abstractmethod
+    def _groups(self, name: EndName) -> list[tuple[np.ndarray, Output]]:
+        """The demonstrations that start, or end, together, as a mask (N,), and their mean; none on a raw sheet."""
+
+    @abstractmethod
+    def _decoded(self, latent: np.ndarray) -> Output:
+        """What a latent point (d,) decodes to."""
+
+    @abstractmethod
+    def _nearest_node(self, requested: Output, piece: int, sigma_limit: float) -> int | None:
+        """The node of a connected piece that decodes to the nearest output; None where none of it is trusted."""
+
+    @abstractmethod
+    def _difference(self, start: Output, end: Output) -> np.ndarray:
+        """The offset (k,) that carries one output to another."""
+
+    @abstractmethod
+    def _lengths(self, offset: np.ndarray) -> tuple[float, ...]:
+        """The lengths of the parts of an offset (k,): metres and radians are not added."""
+
+    @abstractmethod
+    def _limits(self) -> tuple[float, ...]:
+        """How long the parts of an offset may be that no demonstration has."""
+
+    @abstractmethod
+    def _stated_misfit(self, end: End[Output]) -> str:
+        """How far an end is from what was demonstrated, and what is allowed, for a person."""
+
+    @abstractmethod
+    def _preference(self, here: End[Output], there: End[Output]) -> float:
+        """What two allowed ends cost, where there is a choice."""
+
+    @abstractmethod
+    def _unmoved_lengths(self, conformal: np.ndarray | None) -> np.ndarray:
+        """Lengths (m,) of the edges where the skill was demonstrated, with conformal factors (n,) of the nodes."""
+
+    @abstractmethod
+    def _offsets(
+        self,
+        here: End[Output],
+        there: End[Output],
+        progress: tuple[float, float],
+        corrected: np.ndarray,
+        corrections: np.ndarray,
+    ) -> Any:
+        """The offsets that carry the graph to two ends at so much progress.
+
+        corrected : (2, k) the corrections there, of those (K, S, k) along the mean paths.
+        """
+
+    @abstractmethod
+    def _carried(
+        self, offsets: Any, ends: tuple[int, int], along_mean_paths: AlongMeanPaths
+    ) -> tuple[WeightedGraph, MetricField, NodeBody]:
+        """Graph, field and body of a query between two nodes, before an arm holds it."""
+
+    @abstractmethod
+    def _tool_moved(self, query: ArmQuery, latent: np.ndarray, start: Output) -> float:
+        """How far [m] the tool of an output is from the one that a latent point (d,) of a query stands for."""
+
+    @abstractmethod
+    def _held(self, query: Query[Output], frame: TaskFrame, start: np.ndarray) -> ArmQuery | Refusal:
+        """The query as the arm holds it from a configuration (eta,) on; frame : the task frame."""
