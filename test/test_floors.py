@@ -152,9 +152,10 @@ def floors_within(folder: Path) -> dict[str, int]:
         below[module] = {other for name in names for other in (name, name.rpartition(".")[0]) if other in files}
     floors: dict[str, int] = {}
     while len(floors) < len(files):
-        ready = {module for module in below if module not in floors and below[module] - {module} <= floors.keys()}
+        ready = [module for module in below if module not in floors and below[module] - {module} <= floors.keys()]
         assert ready, f"a circle among {sorted(below.keys() - floors.keys())}"
-        floors |= {module: 1 + max((floors[other] for other in below[module] - {module}), default=0) for module in ready}
+        for module in ready:
+            floors[module] = 1 + max((floors[other] for other in below[module] - {module}), default=0)
     return floors
 
 
