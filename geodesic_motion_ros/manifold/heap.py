@@ -20,11 +20,12 @@ def put(keys: np.ndarray, items: np.ndarray, place: np.ndarray, size: int, item:
         child = size
         size += 1
     while child > 0:
-        parent = (child - 1) // 4
+        # A shift takes less time than a division of signed numbers.
+        parent = (child - 1) >> 2
         if keys[parent] <= key:
             break
-        keys[child], items[child] = keys[parent], items[parent]
-        place[items[child]] = child
+        moved = items[parent]
+        keys[child], items[child], place[moved] = keys[parent], moved, child
         child = parent
     keys[child], items[child], place[item] = key, item, child
     return size
@@ -36,17 +37,17 @@ def take(keys: np.ndarray, items: np.ndarray, place: np.ndarray, size: int) -> i
     place[items[0]] = TAKEN
     size -= 1
     key, item = keys[size], items[size]
-    parent = 0
-    while 4 * parent + 1 < size:
-        least = 4 * parent + 1
-        for child in range(least + 1, min(least + 4, size)):
-            if keys[child] < keys[least]:
-                least = child
-        if keys[least] >= key:
+    parent, first = 0, 1
+    while first < size:
+        least, smallest = first, keys[first]
+        for child in range(first + 1, min(first + 4, size)):
+            if keys[child] < smallest:
+                least, smallest = child, keys[child]
+        if smallest >= key:
             break
-        keys[parent], items[parent] = keys[least], items[least]
-        place[items[parent]] = parent
-        parent = least
+        moved = items[least]
+        keys[parent], items[parent], place[moved] = smallest, moved, parent
+        parent, first = least, 4 * least + 1
     if size > 0:
         keys[parent], items[parent], place[item] = key, item, parent
     return size

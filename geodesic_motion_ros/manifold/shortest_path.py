@@ -46,7 +46,7 @@ def _search(
     source: int,
     target: int,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """A* from source; stops when target is settled (target -1: settles everything, Dijkstra's field).
+    """A* from source; stops when target is settled (target -1: settles everything).
 
     Nodes with an infinite heuristic cannot reach the goal and are skipped. An edge's obstacle-free length, `base` (m,),
     is a lower bound of its weight, and its weight where no obstacle touches its ends: what obstacles do is worked out
@@ -93,10 +93,28 @@ def cost_field(adjacency: Adjacency, base: np.ndarray, source: int) -> np.ndarra
 
     It is the exact heuristic of `shortest_path`. base : (m,) obstacle-free lengths.
     """
-    nowhere = np.zeros(len(adjacency.first) - 1)
-    cost, _, _ = _search(
-        adjacency.first, adjacency.node, adjacency.edge, base, base, base[:, None], None, -math.inf, nowhere, source, -1
-    )
+    return _field(adjacency.first, adjacency.node, adjacency.edge, base, source)
+
+
+@numba.njit(cache=True, nogil=True)
+def _field(
+    first_slot: np.ndarray, neighbour: np.ndarray, edge_of: np.ndarray, base: np.ndarray, source: int
+) -> np.ndarray:
+    count = len(first_slot) - 1
+    cost = np.full(count, np.inf)
+    keys, items, place = np.empty(count), np.empty(count, dtype=np.int32), np.full(count, WAITING, dtype=np.int32)
+    cost[source] = 0.0
+    size = put(keys, items, place, 0, source, 0.0)
+    while size > 0:
+        u, here = items[0], keys[0]
+        size = take(keys, items, place, size)
+        for slot in range(first_slot[u], first_slot[u + 1]):
+            v = neighbour[slot]
+            through = here + base[edge_of[slot]]
+            # A node that has been taken costs no more than this.
+            if through < cost[v]:
+                cost[v] = through
+                size = put(keys, items, place, size, v, through)
     return cost
 
 

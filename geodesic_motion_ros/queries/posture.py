@@ -35,6 +35,9 @@ from geodesic_motion_ros.trajectory.trajectory import interpolated
 
 #: Newton's method ends where the pose is this near [m, rad].
 _TOLERANCE = 1e-6
+#: After a step in which no joint turned farther than this [rad] it is: what is left is less than the step's square
+#: times the arm's length [m].
+_LAST_STEP = 3e-4
 #: It takes at most this many steps.
 _STEPS = 8
 #: In one of them no joint turns farther than this [rad]: the linearisation holds no farther.
@@ -233,10 +236,14 @@ def solve_displaced(
             matrix[6], right[6] = null, rest
         if not _solve(matrix, right):
             return False
+        turned = 0.0
         for j in range(joints):
-            if not abs(right[j]) <= _LARGEST_STEP:
-                return False
+            turned = max(turned, abs(right[j]))
             q[j] += right[j]
+        if not turned <= _LARGEST_STEP:
+            return False
+        if turned <= _LAST_STEP:
+            return True
     return False
 
 

@@ -1,4 +1,5 @@
-"""The planner's ticks among spheres that cross a demonstrated motion, and its answers to goals that are new in motion.
+"""The planner's ticks among spheres that cross a demonstrated motion, and its answers to goals that are new in motion
+and to starts, goals and spheres that are new from a stand.
 
 A scene is a motion between the ends of a demonstration and spheres of 3 to 6 cm, each of which comes through a place of
 the tool's obstacle-free path as the tool comes there, at a constant velocity of 0.05 to 0.5 m/s; with none, one sphere
@@ -39,6 +40,8 @@ _ROOM = 0.1
 _LONGER = 3.0
 #: A sphere that no arm of ours reaches: where it is, and how fast [m], [m/s].
 _FAR, _FAR_VELOCITY = np.array([0.0, 0.0, 4.0]), np.array([0.1, 0.0, 0.0])
+#: How far a new start is from that of a motion, at most [rad], and how many spheres are new with it.
+_ASIDE, _NEW_SPHERES = 0.03, 2
 #: How far a new goal is from the old one [m], [rad], and in which shares of a motion it is requested.
 _AWAY, _TURNED, _REDIRECTED = 0.02, 0.1, (0.2, 0.4, 0.6)
 #: Ticks that a reference to a new goal may take: the planner may stop first.
@@ -83,7 +86,7 @@ class MovingTicks:
 
 @dataclass
 class NewGoals:
-    """Durations from a new goal to the first reference that leads to it, and how many goals got none."""
+    """Durations from new goals to the first references that lead to them, or answers; and how many got none."""
 
     watch: Stopwatch = field(default_factory=Stopwatch)
     without: int = 0
@@ -206,8 +209,7 @@ class MovingBench:
         """Request new goals in motion, each in a motion of its own, and wait for the first reference to each."""
         far = self.spheres(motion, 0, random)
         for share in _REDIRECTED:
-            away, turned = (size * _direction(random) for size in (_AWAY, _TURNED))
-            goal = motion.goal[:3] + away, rotate_by(turned, motion.goal[3:])
+            goal = self._new_goal(motion, random)
             begin, plays, found = int(share * motion.duration * RATE), [], False
             for _ in range(self._plays):
                 self._begin(motion)
@@ -219,6 +221,33 @@ class MovingBench:
                     found = self._first_reference(goal, begin)
             into.watch.add(Stopwatch.fastest(plays), [0])
             into.without += not found
+
+    def from_a_stand(self, motion: Motion, count: int, random: np.random.Generator, into: NewGoals) -> None:
+        """Request so many goals, each from another start among other spheres, and wait for the first answer to each."""
+        limits = self.planner.limits
+        for _ in range(count):
+            aside = motion.start + random.uniform(-_ASIDE, _ASIDE, len(motion.start))
+            start = np.clip(aside, limits.lower, limits.upper)
+            goal = self._new_goal(motion, random)
+            spheres = self.spheres(motion, _NEW_SPHERES, random).at(0.5 * motion.duration, motion.duration)
+            plays, found = [], False
+            for _ in range(self._plays):
+                self.planner.clear_goal()
+                self.planner.take_obstacles(Obstacles.none())
+                self.planner.stand_at(start, 0.0)
+                plays.append(watch := Stopwatch())
+                with no_garbage_collection(), watch:
+                    self.planner.take_goal(self.planner.prepare_goal(*goal))
+                    self.planner.take_obstacles(spheres)
+                    found = self.planner.tick(0.0).verdict.ok
+            into.watch.add(Stopwatch.fastest(plays), [0])
+            into.without += not found
+
+    @staticmethod
+    def _new_goal(motion: Motion, random: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
+        """A pose near a motion's goal."""
+        away, turned = (size * _direction(random) for size in (_AWAY, _TURNED))
+        return motion.goal[:3] + away, rotate_by(turned, motion.goal[3:])
 
     def _first_reference(self, goal: tuple[np.ndarray, np.ndarray], begin: int) -> bool:
         """Request a goal before a tick, and go on until a reference leads to it; whether one does."""

@@ -22,10 +22,12 @@ class MovingSettings:
     Attributes
     ----------
     motions : of each skill and number of spheres. plays : of every motion; each tick counts by its fastest.
-    compared : searches of a motion that are made again beside their alternatives. seed : of spheres and new goals.
+    compared : searches of a motion that are made again beside their alternatives. stands : new starts of each motion.
+    seed : of spheres, new goals and starts.
     """
 
     motions: int = 6
+    stands: int = 40
     plays: int = 3
     compared: int = 10
     seed: int = 0
@@ -33,15 +35,16 @@ class MovingSettings:
     @classmethod
     def quick(cls) -> MovingSettings:
         """A tenth of the time."""
-        return cls(motions=2, plays=1, compared=3)
+        return cls(motions=2, plays=1, compared=3, stands=5)
 
 
 @dataclass(frozen=True)
 class MovingReport:
-    """By skill: ticks by number of spheres, and new goals."""
+    """By skill: ticks by number of spheres, new goals in motion, and first ticks from a stand."""
 
     ticks: dict[str, dict[int, MovingTicks]]
     goals: dict[str, NewGoals]
+    stands: dict[str, NewGoals]
 
     def as_dict(self) -> dict[str, Any]:
         """What `--json` writes."""
@@ -59,11 +62,8 @@ class MovingReport:
                     }
                     for count, ticks in counts.items()
                 },
-                "new_goal": {
-                    "goals": len(self.goals[name].watch.cpu), "without_reference": self.goals[name].without,
-                    "cpu_ms": percentiles_ms(self.goals[name].watch.cpu),
-                    "ms": percentiles_ms(self.goals[name].watch.wall),
-                },
+                "new_goal": _figures(self.goals[name]),
+                "from_a_stand": _figures(self.stands[name]),
             }
             for name, counts in self.ticks.items()
         }  # fmt: skip
@@ -82,16 +82,12 @@ class MovingReport:
                 ])  # fmt: skip
         head = ["skill", "spheres", "ticks", "p50", "p99", "max", "searched", "p50", "p99", "max", "search", "A*",
                 "dijkstra"]  # fmt: skip
-        goals = []
-        for name, new in self.goals.items():
-            cpu, wall = percentiles_ms(new.watch.cpu), percentiles_ms(new.watch.wall)
-            goals.append([name, len(new.watch.cpu), new.without, cpu["p50"], cpu["p99"], wall["p50"], wall["p99"]])
         return "\n".join([
             "ticks of the planner among spheres that cross the motion: processor time in ms, of all and of those that",
             "searched; the median search, and how many times as long A* from one end and Dijkstra take for the same",
             text_table(head, rows), "",
-            "new goal in motion to the first reference that leads to it, in ms",
-            text_table(["skill", "goals", "without", "cpu p50", "cpu p99", "wall p50", "wall p99"], goals),
+            "new goal in motion to the first reference that leads to it, in ms", _table(self.goals), "",
+            "from a stand: a new start, a new goal and two new spheres to the first answer, in ms", _table(self.stands),
         ])  # fmt: skip
 
 
@@ -104,7 +100,7 @@ def measure_moving(
     ------
     ParameterError : a skill has no path along any of its demonstrations.
     """
-    report = MovingReport({}, {})
+    report = MovingReport({}, {}, {})
     with tqdm(total=len(skills) * (len(counts) + 1), unit="row", disable=not show_progress) as bar:
         for skill in skills:
             bar.set_description(skill.name)
@@ -119,10 +115,29 @@ def measure_moving(
                 report.ticks[skill.name][count] = ticks
                 bar.update()
             random, report.goals[skill.name] = np.random.default_rng(settings.seed), NewGoals()
+            report.stands[skill.name] = NewGoals()
             for motion in bench.motions:
                 bench.new_goals(motion, random, report.goals[skill.name])
+                bench.from_a_stand(motion, settings.stands, random, report.stands[skill.name])
             bar.update()
     return report
+
+
+def _figures(new: NewGoals) -> dict[str, Any]:
+    """What `--json` writes of new goals."""
+    return {
+        "goals": len(new.watch.cpu), "without_reference": new.without, "cpu_ms": percentiles_ms(new.watch.cpu),
+        "ms": percentiles_ms(new.watch.wall),
+    }  # fmt: skip
+
+
+def _table(goals: dict[str, NewGoals]) -> str:
+    """New goals of several skills as plain text."""
+    rows = []
+    for name, new in goals.items():
+        cpu, wall = percentiles_ms(new.watch.cpu), percentiles_ms(new.watch.wall)
+        rows.append([name, len(new.watch.cpu), new.without, cpu["p50"], cpu["p99"], wall["p50"], wall["p99"]])
+    return text_table(["skill", "goals", "without", "cpu p50", "cpu p99", "wall p50", "wall p99"], rows)
 
 
 def _median(seconds: list[float]) -> float:

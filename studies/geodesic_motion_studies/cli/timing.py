@@ -23,7 +23,8 @@ peers    exact (the same search where no cost is too large), A* (this package's,
 those given, among so many spheres that cross a demonstrated motion at 0.05 to 0.5 m/s, seen elsewhere in every tick (0:
 one that the arm does not feel); six motions, each played three times, a tick counts by its fastest; searches beside A*
 from one end and Dijkstra on the graph with obstacles worked out everywhere. And the time from a goal that is new in
-motion to the first reference that leads to it. About five minutes.
+motion to the first reference that leads to it; and that of the first tick from a stand with a new start, a new goal and
+two new spheres. About five minutes.
 
 --detours measures processor time of detours on skills of either kind, all shipped ones or those given, among so many
 spheres of 3 to 6 cm that stand on the demonstrations: none of these stays free, and the planner has no path without a
