@@ -5,7 +5,7 @@
 A point of R^p x S^(o-1) has p coordinates and a unit direction of o numbers: p = 3 and o = 4 for poses, p = eta and
 o = 0, no direction, for configurations, p = 2 and o = 3 for the toy of the paper. mu and mu_q are the outputs of one
 perceptron, 1 / sigma and kappa radial-basis-function networks (Beik-Mohammadi et al., "Reactive motion generation on
-learned Riemannian manifolds", IJRR 2023, sections 3.1 and 3.2).
+learned Riemannian manifolds", IJRR 2023, section 3.1: learning in task space, section 3.2: learning in joint space).
 """
 
 from __future__ import annotations
