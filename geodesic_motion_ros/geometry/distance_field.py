@@ -19,6 +19,7 @@ from typing import NamedTuple
 import numba
 import numpy as np
 
+from geodesic_motion_ros.geometry.point_clouds import corners
 from geodesic_motion_ros.utils.checked_numbers import real_array
 from geodesic_motion_ros.utils.errors import PlanningError
 
@@ -70,7 +71,7 @@ class DistanceField(NamedTuple):
             raise PlanningError(f"edge {edge}, radius {radius} and thickness {thickness} must be finite and positive")
         if not len(points):
             return cls.none()
-        lower, upper = _corners(points)
+        lower, upper = corners(points)
         edge = max(edge, float(np.prod(upper - lower + 2.0 * (REACH + edge)) / _MOST_CUBES) ** (1.0 / 3.0))
         margin = math.ceil(REACH / edge) + 1
         # Middles at whole multiples of the edge: a scene that stands has the same cubes in every cloud.
@@ -127,17 +128,6 @@ class DistanceField(NamedTuple):
 
 
 _NONE = DistanceField(np.empty((0, 0, 0), dtype=np.float32), np.zeros(15))
-
-
-@numba.njit(cache=True, nogil=True)
-def _corners(points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Smallest and largest coordinates (3,) of points (n, 3); numpy takes fifty times as long for columns."""
-    lower, upper = points[0].copy(), points[0].copy()
-    for n in range(1, len(points)):
-        for axis in range(3):
-            lower[axis] = min(lower[axis], points[n, axis])
-            upper[axis] = max(upper[axis], points[n, axis])
-    return lower, upper
 
 
 @numba.njit(cache=True, nogil=True)

@@ -10,10 +10,10 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
-import numba
 import numpy as np
 
 from geodesic_motion_ros.geometry.distance_field import REACH
+from geodesic_motion_ros.geometry.point_clouds import points_within
 from geodesic_motion_ros.robot.kinematics import Robot
 
 #: The arm's body extends so far beyond the tool's origin at most [m].
@@ -35,19 +35,7 @@ class CloudFigures:
 
 def points_near(points: np.ndarray, robot: Robot) -> np.ndarray:
     """Those of points (n, 3) [m] in the base frame to which a distance field tells distances from the arm's body."""
-    return _within(np.ascontiguousarray(points), robot.shoulder, robot.reach + _BEYOND_TOOL + REACH)
-
-
-@numba.njit(cache=True, nogil=True)
-def _within(points: np.ndarray, centre: np.ndarray, distance: float) -> np.ndarray:
-    """Copy those of points (n, 3) that are not farther from a centre (3,): a tenth of numpy's time for large clouds."""
-    kept, count = np.empty_like(points), 0
-    for n in range(len(points)):
-        x, y, z = points[n, 0] - centre[0], points[n, 1] - centre[1], points[n, 2] - centre[2]
-        if x * x + y * y + z * z <= distance * distance:
-            kept[count, 0], kept[count, 1], kept[count, 2] = points[n, 0], points[n, 1], points[n, 2]
-            count += 1
-    return kept[:count]
+    return points_within(np.ascontiguousarray(points), robot.shoulder, robot.reach + _BEYOND_TOOL + REACH)
 
 
 class CloudThread:
