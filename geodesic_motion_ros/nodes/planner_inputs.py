@@ -414,10 +414,13 @@ class PlannerInputs:
         self._cloud_thread.put((message, heard[0] - max(0.0, heard[1])), heard)
 
     def _field_of(self, heard: tuple[PointCloud2, float]) -> tuple[DistanceField, CloudFigures, Remembered] | None:
-        """Read a cloud that was taken at a time [s, running]; None where it is refused."""
+        """Read a cloud that was taken at a time [s, running]; None where it is refused, or the node ends."""
         message, taken = heard
+        filters = self._parameters["self_filter"]
+        if filters and not self._wait_for_joints(taken):
+            return None
         with self._obstacle_guard("obstacle_cloud"):
-            joints = self._joints_at(taken) if self._parameters["self_filter"] else None
+            joints = self._joints_at(taken) if filters else None
             began = time.monotonic()
             points, not_finite = read_cloud(message, self._frame, self.frames)
             near = points_near(points, self._robot)
@@ -447,16 +450,21 @@ class PlannerInputs:
             return field, figures, filtered.memory
         return None
 
-    def _joints_at(self, taken: float) -> np.ndarray:
-        """The arm's joints (n,) [rad] at a time [s, running]; waits for a joint state after it, as long as the arm goes
-        on without one.
+    def _wait_for_joints(self, taken: float) -> bool:
+        """Wait for a joint state of a time [s, running] or later, as long as the arm moves on without one; False where
+        the node ends meanwhile.
         """
-        history, timeout = self.arm.history, self._parameters["state_timeout"]
-        while history.newest < taken and self.time.running() - taken <= timeout:
-            if self._stopped.wait(_LOOK):
+        while not self.arm.history.reaches(taken):
+            if self.time.running() - taken > self._parameters["state_timeout"]:
                 break
+            if self._stopped.wait(_LOOK):
+                return False
+        return True
+
+    def _joints_at(self, taken: float) -> np.ndarray:
+        """Interpolate the arm's joints (n,) [rad] at a time [s, running]; refused where they are not known."""
         try:
-            return history.at(taken, timeout)
+            return self.arm.history.at(taken, self._parameters["state_timeout"])
         except RobotError as error:
             raise MessageRefused(
                 f"where the arm was at its stamp is unknown, and the arm cannot be taken out of it: {error}; stamp "

@@ -13,6 +13,8 @@ from geodesic_motion_ros.utils.errors import RobotError
 
 #: States are kept for so long [s]: no cloud that is later is of use to an arm that moves.
 _SPAN = 5.0
+#: Times that differ by less [s] are the same: what is left of nanoseconds in sums of seconds.
+_SAME = 1e-6
 
 
 class JointHistory:
@@ -31,11 +33,10 @@ class JointHistory:
             while self._states[0][0] < time - _SPAN:
                 self._states.popleft()
 
-    @property
-    def newest(self) -> float:
-        """Time of the newest state [s]; -inf before the first."""
+    def reaches(self, time: float) -> bool:
+        """Whether there is a state of a time [s] or of later."""
         with self._lock:
-            return self._states[-1][0] if self._states else -np.inf
+            return bool(self._states) and self._states[-1][0] >= time - _SAME
 
     def at(self, time: float, apart: float) -> np.ndarray:
         """Interpolate the positions (n,) [rad] at a time [s] between the two states around it.
@@ -51,10 +52,11 @@ class JointHistory:
         if not states:
             raise RobotError("there is no joint state yet")
         first, last = states[0][0], states[-1][0]
-        if time < first:
+        if time < first - _SAME:
             raise RobotError(f"the oldest joint state that is known is {1e3 * (first - time):.0f} ms newer")
-        if time > last:
+        if time > last + _SAME:
             raise RobotError(f"the newest joint state is {1e3 * (time - last):.0f} ms older")
+        time = min(max(time, first), last)
         if time == last:
             return states[-1][1]
         # The time is a recent one: it is found sooner from the end.

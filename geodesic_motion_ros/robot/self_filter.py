@@ -3,7 +3,7 @@
 The arm is the spheres of its collision model at the measured joints. Points are sorted into cubes first: a cube that
 lies outside of all padded spheres, or inside one of them, is judged once, and in the others every point is.
 
-What comes into the padding cannot be told from the arm any more. So points that were outside and touch the padded arm
+What comes into the padding looks like the arm. So points that were outside and touch the padded arm
 now are remembered for a moment.
 """
 

@@ -27,8 +27,8 @@ REACH = "panda_reach_to_grasp"
 
 def ball(centre: list[float], radius: float = 0.03) -> np.ndarray:
     """Points (400, 3) [m] on a ball."""
-    ways = np.random.default_rng(1).normal(size=(400, 3))
-    return np.array(centre) + radius * ways / np.linalg.norm(ways, axis=1, keepdims=True)
+    directions = np.random.default_rng(1).normal(size=(400, 3))
+    return np.array(centre) + radius * directions / np.linalg.norm(directions, axis=1, keepdims=True)
 
 
 @pytest.fixture
@@ -53,8 +53,8 @@ class Camera:
         """others : (n, 3) [m] points of what stands beside the arm."""
         self._bench, self._others = bench, others
         self._random = np.random.default_rng(0)
-        ways = self._random.normal(size=(len(SPHERES), 60, 3))
-        self._surface = SPHERES.radii[:, None, None] * ways / np.linalg.norm(ways, axis=2, keepdims=True)
+        directions = self._random.normal(size=(len(SPHERES), 60, 3))
+        self._surface = SPHERES.radii[:, None, None] * directions / np.linalg.norm(directions, axis=2, keepdims=True)
         self._times: list[float] = []
         self._joints: list[np.ndarray] = []
         bench.probe.create_subscription(JointState, "joint_states", self._hear, 10)
@@ -127,7 +127,7 @@ def reach(bench: Bench, options: dict[str, object], others: np.ndarray, **parame
     return camera
 
 
-def test_a_ball_three_centimetres_from_the_way_of_the_forearm_is_avoided(bench, options):
+def test_a_ball_three_centimetres_from_the_path_of_the_forearm_is_avoided(bench, options):
     camera = reach(bench, options, ball([0.329, 0.148, 0.291]))
     bench.wait_for_code("OK")
     bench.wait(bench.at_goal, "the arm at its goal")

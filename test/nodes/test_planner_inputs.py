@@ -137,9 +137,9 @@ class Camera:
     def arm(self, late: float = 0.0, off: float = 0.0) -> np.ndarray:
         """Fifty points on each of its spheres, so long ago [s]; or one, so far off all of them [m]."""
         centres = SPHERES.positions(self.robot, self.joints(late)[None])[0]
-        ways = np.random.default_rng(0).normal(size=(50, 3))
-        ways /= np.linalg.norm(ways, axis=1, keepdims=True)
-        points = (centres[:, None] + (SPHERES.radii[:, None, None] + off) * ways).reshape(-1, 3)
+        directions = np.random.default_rng(0).normal(size=(50, 3))
+        directions /= np.linalg.norm(directions, axis=1, keepdims=True)
+        points = (centres[:, None] + (SPHERES.radii[:, None, None] + off) * directions).reshape(-1, 3)
         if not off:
             return points
         gaps = np.min(np.linalg.norm(points[:, None] - centres, axis=2) - SPHERES.radii, axis=1)

@@ -115,7 +115,7 @@ class TestMemory:
 
     @pytest.fixture
     def side(self, robot, arm) -> tuple[np.ndarray, np.ndarray]:
-        """A place on a sphere in the middle of the arm that no other sphere covers, and the way out from there."""
+        """A place on a sphere in the middle of the arm that no other sphere covers, and the direction out."""
         centres, radii = arm.spheres(robot.ready, ())
         random = np.random.default_rng(4)
         while True:
@@ -137,7 +137,7 @@ class TestMemory:
         return at
 
     def test_what_comes_within_the_padding_stays_for_a_moment_where_it_was_seen(self, robot, arm, pebble):
-        """At half a metre a second, until it is on the arm: no further than a period's way from there."""
+        """At half a metre a second, until it is on the arm: no farther than it moves in a period."""
         memory, time, distance, last_seen = Remembered.nothing(), 0.0, 0.1, 0.0
         while distance > 0.0:
             result = filtered(arm, pebble(distance), robot.ready, time=time, before=memory)

@@ -57,12 +57,12 @@ class CloudBench:
         centres, radii = self._filter.spheres(self.joints(time), ())
         of_arm, of_table = round(_ARM * self.count), round(_TABLE * self.count)
         spheres = self._random.integers(len(radii), size=of_arm)
-        ways = self._random.normal(size=(of_arm, 3))
-        ways *= (radii[spheres] / np.linalg.norm(ways, axis=1))[:, None]
+        directions = self._random.normal(size=(of_arm, 3))
+        directions *= (radii[spheres] / np.linalg.norm(directions, axis=1))[:, None]
         of_wall = self.count - of_arm - of_table
         wall = self._random.uniform([-0.5, -1.0, 0.0], [1.0, -1.0, 1.2], (of_wall, 3))
         table = self._random.uniform([-0.3, -0.7, -0.05], [1.0, 0.7, -0.05], (of_table, 3))
-        points = np.concatenate([centres[spheres] + ways, table, wall])
+        points = np.concatenate([centres[spheres] + directions, table, wall])
         points += self._random.normal(0.0, _NOISE, points.shape)
         return cloud_message(rotate(inverse(_QUATERNION), points - _ORIGIN), _CAMERA, Time())
 
@@ -76,7 +76,7 @@ class CloudBench:
         for number in tqdm(range(ahead + clouds), desc=f"{self.count} points", disable=not show_progress):
             time = number / RATE
             message = self.message(time)
-            while history.newest < time:
+            while not history.reaches(time):
                 at = next(states) / _STATE_RATE
                 history.add(self.joints(at), at)
             with no_garbage_collection():
