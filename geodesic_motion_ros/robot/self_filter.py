@@ -18,7 +18,7 @@ import numpy as np
 
 from geodesic_motion_ros.robot.collision_model import CollisionModel
 from geodesic_motion_ros.robot.held_objects import HeldObject
-from geodesic_motion_ros.robot.kinematics import Robot
+from geodesic_motion_ros.robot.kinematics import MATRIX, VECTOR, Robot
 
 #: What touches the arm is remembered for so long [s] after it was last seen outside of the padding.
 MOMENT = 0.5
@@ -123,7 +123,44 @@ class SelfFilter:
         return FilteredCloud(whole, len(points) - len(kept), len(remembered), memory)
 
 
+@numba.njit(cache=True, nogil=True, inline="always")
+def _cube(x, y, z, lower, edge, cubes):
+    """Find the numbers of the cube around a point; -1 where there is none."""
+    a, b, c = (x - lower[0]) / edge, (y - lower[1]) / edge, (z - lower[2]) / edge
+    if 0.0 <= a < cubes.shape[0] and 0.0 <= b < cubes.shape[1] and 0.0 <= c < cubes.shape[2]:
+        return int(a), int(b), int(c)
+    return -1, -1, -1
+
+
 @numba.njit(cache=True, nogil=True)
+def _kind(middle, centres, radii, half):
+    """Classify a cube with a middle (x, y, z), all of which is within `half` [m] of that."""
+    kind = _OUTSIDE
+    for s in range(len(radii)):
+        x, y, z = middle[0] - centres[s, 0], middle[1] - centres[s, 1], middle[2] - centres[s, 2]
+        square = x * x + y * y + z * z
+        if radii[s] >= half and square <= (radii[s] - half) ** 2:
+            return _INSIDE
+        if square <= (radii[s] + half) ** 2:
+            kind = _PARTLY
+    return kind
+
+
+@numba.njit(cache=True, nogil=True)
+def _is_inside(x, y, z, centres, radii):
+    """Whether a point is in one of the spheres, or on it."""
+    for s in range(len(radii)):
+        a, b, c = x - centres[s, 0], y - centres[s, 1], z - centres[s, 2]
+        if a * a + b * b + c * c <= radii[s] * radii[s]:
+            return True
+    return False
+
+
+# Written signatures: compiled at the first import, not with the first cloud.
+_CUBES = numba.types.Array(numba.uint8, 3, "C")
+
+
+@numba.njit((MATRIX, MATRIX, VECTOR, VECTOR, numba.float64, _CUBES), cache=True, nogil=True)
 def _outside(points, centres, radii, lower, edge, cubes):
     """Copy those of points (n, 3) that are outside of all spheres, and number one of them in each cube: (k, 3), (m,).
 
@@ -151,40 +188,7 @@ def _outside(points, centres, radii, lower, edge, cubes):
     return kept[:count], chosen[:different]
 
 
-@numba.njit(cache=True, nogil=True, inline="always")
-def _cube(x, y, z, lower, edge, cubes):
-    """Numbers of the cube around a point; -1 where there is none."""
-    a, b, c = (x - lower[0]) / edge, (y - lower[1]) / edge, (z - lower[2]) / edge
-    if 0.0 <= a < cubes.shape[0] and 0.0 <= b < cubes.shape[1] and 0.0 <= c < cubes.shape[2]:
-        return int(a), int(b), int(c)
-    return -1, -1, -1
-
-
-@numba.njit(cache=True, nogil=True)
-def _kind(middle, centres, radii, half):
-    """Of a cube with a middle (x, y, z), all of which is within `half` [m] of that."""
-    kind = _OUTSIDE
-    for s in range(len(radii)):
-        x, y, z = middle[0] - centres[s, 0], middle[1] - centres[s, 1], middle[2] - centres[s, 2]
-        square = x * x + y * y + z * z
-        if radii[s] >= half and square <= (radii[s] - half) ** 2:
-            return _INSIDE
-        if square <= (radii[s] + half) ** 2:
-            kind = _PARTLY
-    return kind
-
-
-@numba.njit(cache=True, nogil=True)
-def _is_inside(x, y, z, centres, radii):
-    """Whether a point is in one of the spheres, or on it."""
-    for s in range(len(radii)):
-        a, b, c = x - centres[s, 0], y - centres[s, 1], z - centres[s, 2]
-        if a * a + b * b + c * c <= radii[s] * radii[s]:
-            return True
-    return False
-
-
-@numba.njit(cache=True, nogil=True)
+@numba.njit((MATRIX, MATRIX, VECTOR, VECTOR, numba.float64, _CUBES), cache=True, nogil=True)
 def _touching(points, centres, radii, lower, edge, cubes):
     """Tell which points (m, 3) are in one of the spheres, but in no cube that holds new points: (m,) bool."""
     touching = np.zeros(len(points), dtype=np.bool_)
