@@ -19,6 +19,7 @@ from typing import NamedTuple
 import numba
 import numpy as np
 
+from geodesic_motion_ros.geometry.point_clouds import corners
 from geodesic_motion_ros.utils.checked_numbers import real_array
 from geodesic_motion_ros.utils.errors import PlanningError
 
@@ -70,7 +71,7 @@ class DistanceField(NamedTuple):
             raise PlanningError(f"edge {edge}, radius {radius} and thickness {thickness} must be finite and positive")
         if not len(points):
             return cls.none()
-        lower, upper = points.min(axis=0), points.max(axis=0)
+        lower, upper = corners(points)
         edge = max(edge, float(np.prod(upper - lower + 2.0 * (REACH + edge)) / _MOST_CUBES) ** (1.0 / 3.0))
         margin = math.ceil(REACH / edge) + 1
         # Middles at whole multiples of the edge: a scene that stands has the same cubes in every cloud.

@@ -20,6 +20,7 @@ from geodesic_motion_ros.nodes.node_time import Moment
 from geodesic_motion_ros.nodes.plausible_joints import OVERTAKEN, PlausibleJoints
 from geodesic_motion_ros.nodes.refusals import RefusalLog
 from geodesic_motion_ros.nodes.sender_clock import SenderClock
+from geodesic_motion_ros.robot.joint_history import JointHistory
 from geodesic_motion_ros.robot.kinematics import Robot
 
 #: Messages that wait for the control loop, at most: those of 50 ms of a driver that sends 1,000 a second.
@@ -55,7 +56,7 @@ class ArmState:
     Attributes
     ----------
     joints : (n,) [rad] at the time `taken` [s, running]; None before every joint was heard.
-    count : how many states there have been.
+    count : how many states there have been. history : those of the last seconds.
     clock : that of the driver. plausible : judges each state by the one before.
     """
 
@@ -65,6 +66,7 @@ class ArmState:
         self.joints: np.ndarray | None = None
         self.taken = 0.0
         self.count = 0
+        self.history = JointHistory(robot)
         self.clock = SenderClock()
         self.plausible = PlausibleJoints(robot)
         self._refused = ""
@@ -190,6 +192,7 @@ class ArmState:
         self.plausible.check(joints, oldest)
         self.joints, self.taken = joints, oldest
         self.count += 1
+        self.history.add(joints, oldest)
 
     def _joints_at(self, time: float) -> np.ndarray:
         """Positions (n,) [rad] at a time [s] that no joint is older than."""

@@ -24,7 +24,8 @@ from std_msgs.msg import Header
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from geodesic_motion_ros.contract.status import Refusal, VerdictCode
-from geodesic_motion_ros.geometry.quaternions import normalise
+from geodesic_motion_ros.geometry.point_clouds import carry_finite
+from geodesic_motion_ros.geometry.quaternions import normalise, to_rotation
 from geodesic_motion_ros.geometry.task_frame import TaskFrame
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.simulation.trajectory_player import JointWaypoints
@@ -238,13 +239,11 @@ def read_cloud(message: PointCloud2, base_frame: str, lookup: FrameLookup = base
     count = message.width * message.height
     if count > MOST_POINTS:
         raise MessageRefused(f"cloud: {count} points, at most {MOST_POINTS} are taken: filter the cloud first")
-    with np.errstate(invalid="ignore"):
-        points = _cloud_points(message)
-        finite = np.isfinite(points.sum(axis=1))  # a sum with NaN or inf in it is not finite
-    points = points if finite.all() else points[finite]
-    if len(points) and np.max(np.abs(points)) > LARGEST_NUMBER:
+    sent = _cloud_points(message)
+    points, largest = carry_finite(sent, to_rotation(frame.quaternion).as_matrix(), frame.origin)
+    if largest > LARGEST_NUMBER:
         raise MessageRefused(f"cloud: a coordinate exceeds {LARGEST_NUMBER:g} m; metres are expected")
-    return frame.points_to_base(points), len(finite) - len(points)
+    return points, len(sent) - len(points)
 
 
 def _cloud_points(message: PointCloud2) -> np.ndarray:

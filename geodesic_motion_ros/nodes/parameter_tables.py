@@ -371,6 +371,23 @@ PLANNER = (
         1.0,
         read_only=False,
     ),
+    Parameter(
+        "self_filter",
+        True,
+        "Take the arm and what it holds out of `obstacle_cloud`, where joint states before and after the cloud's stamp "
+        "say that it was; false: no cloud shows the arm",
+        read_only=False,
+    ),
+    Parameter(
+        "self_filter_padding",
+        0.02,
+        "Points that are not farther from the arm's spheres than this and the tracking error are taken for the arm: "
+        "noise of the camera and error of its calibration. An obstacle that stays as near is lost",
+        "m",
+        0.0,
+        0.2,
+        read_only=False,
+    ),
     Parameter("path_rate", 5.0, "How often `path` and `~/markers` are published", "Hz", 0.1, 50.0),
     Parameter(
         "latent_view_rate",

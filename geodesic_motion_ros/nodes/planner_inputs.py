@@ -47,8 +47,11 @@ from geodesic_motion_ros.nodes.parameters import NodeParameters
 from geodesic_motion_ros.nodes.publishers import LATCHED
 from geodesic_motion_ros.nodes.refusals import RefusalLog
 from geodesic_motion_ros.obstacles.tracker import Key, ObstacleTracker
+from geodesic_motion_ros.robot.collision_model import CollisionModel
 from geodesic_motion_ros.robot.held_objects import HeldObject
 from geodesic_motion_ros.robot.kinematics import Robot
+from geodesic_motion_ros.robot.self_filter import FilteredCloud, Remembered, SelfFilter
+from geodesic_motion_ros.utils.errors import RobotError
 
 # A joint state that was lost is replaced by the next one. The queue is short, but a message to be refused must not push
 # out the good one before it.
@@ -56,6 +59,8 @@ RECENT = QoSProfile(depth=10, reliability=ReliabilityPolicy.BEST_EFFORT)
 GOALS = QoSProfile(depth=10)
 
 
+#: How often a cloud that waits for a joint state looks for one [s].
+_LOOK = 0.005
 #: The topic of what the hand holds.
 HELD = "~/held_objects"
 #: Goals with this frame id are relative to the task frame, and move with it.
@@ -67,13 +72,13 @@ class PlannerInputs:
 
     Callbacks run in the executor and hold the lock for microseconds; `snapshot` is called by the control
     loop, which reads the joint states that have come. What a point cloud shows is worked out in a thread of its own,
-    from `start` to `stop`; points on the arm itself are obstacles like all others, and must be taken out by the sender
-    of the cloud.
+    from `start` to `stop`; the arm is taken out of it where it was measured at the cloud's stamp.
 
     Attributes
     ----------
     frames : tells where frames other than the base frame stand.
     arm : what the joint states say.
+    tracking_error : how far the arm may be from where it is taken to be [m]; who knows it sets it.
     """
 
     def __init__(
@@ -110,6 +115,10 @@ class PlannerInputs:
         self._subscribers: tuple[str, ...] | None = None
         self._load = ObstacleLoad()
         self._cloud_figures = CloudFigures()
+        self.tracking_error = 0.0
+        self._self_filter = SelfFilter(robot, CollisionModel.named(skill_robot))
+        self._remembered = Remembered.nothing()
+        self._stopped = threading.Event()
         self._cloud_thread = CloudThread(self._field_of, self._take_field, self._cloud_failed)
         node.create_subscription(JointState, "joint_states", self.on_joint_states, RECENT, raw=True)
         self._subscribe(String, "robot_description", lambda message: self._described.receive(message.data), LATCHED)
@@ -133,6 +142,7 @@ class PlannerInputs:
 
     def stop(self) -> None:
         """End the thread that does so; harmless when it has ended or never began."""
+        self._stopped.set()
         self._cloud_thread.stop()
 
     def snapshot(self) -> CycleInputs:
@@ -241,6 +251,7 @@ class PlannerInputs:
         with self._lock:
             count = len(self._tracker.current(self.time.running()))
             self._tracker.clear()
+            self._remembered = Remembered.nothing()
         return count
 
     def _subscribe(self, kind: type, topic: str, take: Callable[[Any], None], qos: QoSProfile) -> None:
@@ -405,41 +416,78 @@ class PlannerInputs:
         self._obstacles_changed()
 
     def on_cloud(self, message: PointCloud2) -> None:
-        # one that is of no use must not take the place of one that waits
         """Take a point cloud."""
+        # One that is of no use must not take the place of one that waits.
         frame_of(message.header, self._frame, self.frames)
         moment = self.time.read()
-        self._cloud_thread.put(message, (moment.running, moment.transit(seconds(message.header.stamp))))
+        heard = moment.running, moment.transit(seconds(message.header.stamp))
+        self._cloud_thread.put((message, heard[0] - max(0.0, heard[1])), heard)
 
-    def _field_of(self, message: PointCloud2) -> tuple[DistanceField, CloudFigures] | None:
-        """Read a cloud; None where it is refused."""
-        began = time.monotonic()
+    def _field_of(self, heard: tuple[PointCloud2, float]) -> tuple[DistanceField, CloudFigures, Remembered] | None:
+        """Read a cloud that was taken at a time [s, running]; None where it is refused, or the node ends."""
+        message, taken = heard
+        filters = self._parameters["self_filter"]
+        if filters and not self._wait_for_joints(taken):
+            return None
         with self._obstacle_guard("obstacle_cloud"):
+            joints = self._joints_at(taken) if filters else None
+            began = time.monotonic()
             points, not_finite = read_cloud(message, self._frame, self.frames)
             near = points_near(points, self._robot)
             edge = self._parameters["obstacle_cloud_voxel"]
+            filtered = FilteredCloud(near, 0, 0, Remembered.nothing())
+            if joints is not None:
+                with self._lock:
+                    held, remembered = self._held, self._remembered
+                padding = self._parameters["self_filter_padding"] + self.tracking_error
+                filtered = self._self_filter.remove(near, joints, held, padding, edge, taken, remembered)
             field = DistanceField.of(
-                near, edge, self._parameters["obstacle_cloud_radius"], self._parameters["obstacle_cloud_thickness"]
+                filtered.points,
+                edge,
+                self._parameters["obstacle_cloud_radius"],
+                self._parameters["obstacle_cloud_thickness"],
             )
-            figures = CloudFigures(len(near), not_finite, len(points) - len(near), time.monotonic() - began)
+            figures = CloudFigures(
+                len(filtered.points), not_finite, len(points) - len(near), filtered.of_arm, filtered.remembered,
+                time.monotonic() - began,
+            )  # fmt: skip
             if field.edge > edge:
                 self._node.get_logger().warning(
                     f"obstacle_cloud: its points are so far apart that cubes of {field.edge:.3f} m must do, not "
                     f"{edge:g} m: filter the cloud",
                     throttle_duration_sec=5.0,
                 )
-            return field, figures
+            return field, figures, filtered.memory
         return None
 
-    def _take_field(self, made: tuple[DistanceField, CloudFigures], heard: tuple[float, float]) -> None:
+    def _wait_for_joints(self, taken: float) -> bool:
+        """Wait for a joint state of a time [s, running] or later, as long as the arm moves on without one; False where
+        the node ends meanwhile.
+        """
+        while not self.arm.history.reaches(taken):
+            if self.time.running() - taken > self._parameters["state_timeout"]:
+                break
+            if self._stopped.wait(_LOOK):
+                return False
+        return True
+
+    def _joints_at(self, taken: float) -> np.ndarray:
+        """Interpolate the arm's joints (n,) [rad] at a time [s, running]; refused where they are not known."""
+        try:
+            return self.arm.history.at(taken, self._parameters["state_timeout"])
+        except RobotError as error:
+            raise MessageRefused(
+                f"where the arm was at its stamp is unknown, and the arm cannot be taken out of it: {error}; stamp "
+                "clouds and joint states by one clock, or set self_filter to false where no cloud shows the arm"
+            ) from error
+
+    def _take_field(self, made: tuple[DistanceField, CloudFigures, Remembered], heard: tuple[float, float]) -> None:
         """heard : when the cloud arrived, and its transit [s]."""
-        field, figures = made
+        field, figures, remembered = made
         with self._lock:
-            taken = self._tracker.replace_cloud(
-                "obstacle_cloud", field, *heard, self._parameters["obstacle_lifetime"]
-            )
+            taken = self._tracker.replace_cloud("obstacle_cloud", field, *heard, self._parameters["obstacle_lifetime"])
             if taken:
-                self._cloud_figures = figures
+                self._cloud_figures, self._remembered = figures, remembered
         self._count_overtaken("obstacle_cloud", taken)
         self._obstacles_changed()
 

@@ -96,6 +96,7 @@ class PlannerNode(LoopingNode):
         self._worker.close()
 
     def _tick(self, periods: int) -> None:
+        self.inputs.tracking_error = self.planner.tracking.error
         inputs, output = self.face.cycle(self.cycle.run, self.cycle.stop)
         if self._sends_trajectories:
             if output.trajectory is not None:

@@ -236,6 +236,8 @@ class PlannerOutputs:
             "cloud_points": cloud.points,
             "cloud_points_not_finite": cloud.not_finite,
             "cloud_points_out_of_reach": cloud.out_of_reach,
+            "cloud_points_of_arm": cloud.of_arm,
+            "cloud_points_remembered": cloud.remembered,
             "cloud_ms": 1e3 * cloud.duration,
             "obstacles": obstacles,
             "obstacle_share": load.share,

@@ -105,4 +105,5 @@ def test_points_that_could_matter_are_kept():
     away = np.linalg.norm(points - robot.shoulder, axis=1)
     assert 0 < len(kept) < len(points)
     assert len(kept) >= np.count_nonzero(away <= robot.reach + REACH)
-    assert points_near(kept, robot) is kept
+    assert set(map(tuple, kept)) <= set(map(tuple, points))
+    np.testing.assert_array_equal(points_near(kept, robot), kept)

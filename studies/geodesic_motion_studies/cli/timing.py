@@ -36,6 +36,10 @@ certified  of these, how many lattice paths are certified as they are; p50, p99:
 of bands   how many are certified after the band has drawn them tight; p50, p99: band, time law, certificate
 cost, p99  of the band over that of the lattice's path, by the metric of the search
 
+--clouds measures what a point cloud of so many points costs the planner's node, each step from the message to its
+distance field, where a quarter of the points are of the moving arm and are taken out: processor time, and the share of
+a core at 30 clouds a second. Half a minute.
+
 A loaded machine lengthens wall times; cpu and the ratios hold.
 """
 
@@ -55,6 +59,7 @@ examples:
   geodesic-motion timing --moving 0,1,5
   geodesic-motion timing --moving 1 --skill panda_pouring panda_bottle2shelf --quick
   geodesic-motion timing --detours 1,5,10
+  geodesic-motion timing --clouds 10000,100000,300000
 """
 
 #: With --moving or --detours where none is given, and without.
@@ -79,6 +84,9 @@ def add_command(commands: argparse._SubParsersAction) -> None:
     among.add_argument(
         "--detours", type=indices, metavar="COUNTS", help="detours around so many standing spheres instead, like 1,5,10"
     )
+    among.add_argument(
+        "--clouds", type=indices, metavar="COUNTS", help="point clouds of so many points instead, like 10000,300000"
+    )
     parser.add_argument("--quick", action="store_true", help="half a minute: smaller graphs, fewer ticks")
     add_json(parser)
     parser.set_defaults(run=run)
@@ -87,16 +95,19 @@ def add_command(commands: argparse._SubParsersAction) -> None:
 def run(arguments: argparse.Namespace) -> None:
     """Measure, print the tables, write the file."""
     from geodesic_motion_ros.skill.skill import Skill
+    from geodesic_motion_studies.benchmarks.clouds import measure_clouds
     from geodesic_motion_studies.benchmarks.detours_report import DetourBenchSettings, measure_detours
     from geodesic_motion_studies.benchmarks.moving_report import MovingSettings, measure_moving
     from geodesic_motion_studies.benchmarks.run import BenchSettings, alone, measured_alone
 
     writable(arguments.json)
-    moving, detours = arguments.moving, arguments.detours
+    moving, detours, clouds = arguments.moving, arguments.detours, arguments.clouds
     if moving is not None and min(moving) < 0:
         raise ParameterError(f"--moving {','.join(map(str, moving))}: numbers of spheres cannot be negative")
     if detours is not None and min(detours) < 1:
         raise ParameterError(f"--detours {','.join(map(str, detours))}: numbers of spheres must be positive")
+    if clouds is not None and min(clouds) < 1:
+        raise ParameterError(f"--clouds {','.join(map(str, clouds))}: numbers of points must be positive")
     of_one = moving is None and detours is None
     skills = [Skill.load(name) for name in arguments.skill or (_SKILL if of_one else _SKILLS)]
     if moving is not None:
@@ -107,6 +118,8 @@ def run(arguments: argparse.Namespace) -> None:
         report = alone(measure_detours, skills, detours, of_detours)
     elif len(skills) > 1:
         raise ParameterError(f"--skill: one skill without --moving or --detours, not {len(skills)}")
+    elif clouds is not None:
+        report = alone(measure_clouds, skills[0].robot, clouds, 20 if arguments.quick else 200)
     else:
         report = measured_alone(skills[0], BenchSettings.quick() if arguments.quick else BenchSettings())
     print(report.table())

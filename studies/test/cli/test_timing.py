@@ -23,6 +23,7 @@ REPOSITORY = Path(__file__).resolve().parents[3]
         (["--skill", "panda_pouring", "panda_reach_to_grasp"], "one skill without --moving"),
         (["--moving", "0,-1"], "cannot be negative"),
         (["--detours", "1,0"], "must be positive"),
+        (["--clouds", "1000,0"], "must be positive"),
         (["--moving", "0", "--skill", "no_such_skill"], "no skill 'no_such_skill'"),
         (["--json", "{file}/x.json"], "cannot be written"),
     ],
