@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numba
 import numpy as np
 
-from geodesic_motion_ros.robot.body_points import place_split_points
+from geodesic_motion_ros.robot.body_points import place_two_sets
 from geodesic_motion_ros.robot.collision_model import CollisionModel
 from geodesic_motion_ros.robot.kinematics import Robot, contiguous
 
@@ -83,9 +83,10 @@ class NodeBody(NamedTuple):
     ) -> NodeBody:
         """An arm in configurations (n, eta) [rad], its body points (n, K, 3), (K,) and its moving collision spheres."""
         placed, moving = contiguous(configurations), model.moving
-        frames = np.concatenate([model.points.frames[moving], bounds.frames])
-        offsets = np.concatenate([model.points.offsets[moving], bounds.centres])
-        spheres, links = place_split_points(placed, frames, offsets, len(bounds.frames), robot.chain)
+        spheres, links = place_two_sets(
+            placed, model.points.frames[moving], model.points.offsets[moving], bounds.frames, bounds.centres,
+            robot.chain,
+        )  # fmt: skip
         boxes = _box(points, point_radii), _box(links, bounds.radii)
         return cls(
             points, point_radii, spheres, model.radii[moving], links, bounds.radii, bounds.first,

@@ -29,7 +29,7 @@ from geodesic_motion_ros.manifold.shortest_path import cost_field, shortest_free
 from geodesic_motion_ros.manifold.transport import Offsets, blended
 from geodesic_motion_ros.manifold.weighted_graph import WeightedGraph
 from geodesic_motion_ros.queries.path_smoothing import correct_ends, resample_latent, smooth_latent
-from geodesic_motion_ros.queries.posture import Posture, solve_beside, solve_nodes, solve_path, swivel_steps
+from geodesic_motion_ros.queries.posture import Posture, lost_edges, solve_beside, solve_nodes, solve_path, swivel_steps
 from geodesic_motion_ros.queries.query import (
     AlongMeanPaths,
     ArmQuery,
@@ -251,9 +251,7 @@ class PoseQueryBuilder(QueryBuilder[Pose]):
         configurations, reached = solve_nodes(
             self._robot, positions, quaternions, posture, tau, nodes, adjacency.first, adjacency.node
         )
-        first, second = graph.edges.T
-        turned = np.max(np.abs(configurations[first] - configurations[second]), axis=1)
-        lost = ~(reached[first] & reached[second]) | (turned > constants.LARGEST_JOINT_STEP)
+        lost = lost_edges(graph.edges, configurations, reached, constants.LARGEST_JOINT_STEP)
         points = frame.points_to_base(graph.body_points)
         body = NodeBody.of_arm(configurations, points, self._radii, self._collision, self._links, self._robot)
         lost |= edges_in_scene(self._scene, graph, body, source, query.goal_node, self._settings.obstacle_margin)

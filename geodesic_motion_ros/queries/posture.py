@@ -25,11 +25,12 @@ from geodesic_motion_ros.robot.inverse_kinematics import pose_difference
 from geodesic_motion_ros.robot.kinematics import (
     Chain,
     Robot,
+    base_frames,
     contiguous,
     jacobian,
-    link_frames,
     quaternion_of,
     write_jacobian,
+    write_link_frames,
 )
 from geodesic_motion_ros.trajectory.trajectory import interpolated
 
@@ -167,6 +168,20 @@ def solve_nodes(
 
 
 @numba.njit(cache=True, nogil=True)
+def lost_edges(edges: np.ndarray, configurations: np.ndarray, reached: np.ndarray, largest_step: float) -> np.ndarray:
+    """Mask (m,) of the edges (m, 2) that the arm cannot follow: between nodes of which one is not reached, or whose
+    configurations (n, eta) differ in a joint by more than a largest step [rad]. reached : (n,).
+    """
+    lost = np.zeros(len(edges), dtype=np.bool_)
+    for e in range(len(edges)):
+        u, v = edges[e, 0], edges[e, 1]
+        lost[e] = not (reached[u] and reached[v])
+        for j in range(configurations.shape[1]):
+            lost[e] |= abs(configurations[u, j] - configurations[v, j]) > largest_step
+    return lost
+
+
+@numba.njit(cache=True, nogil=True)
 def _pivot(matrix: np.ndarray, k: int) -> int:
     """The row from k on whose entry in column k is the largest by its amount."""
     pivot = k
@@ -218,8 +233,9 @@ def solve_displaced(
     if joints < 6:
         return _solve_with_fewer(position, quaternion, q, chain)
     matrix, right = np.empty((joints, joints)), np.empty(joints)
+    rotations, origins = base_frames(chain)
     for _ in range(_STEPS):
-        rotations, origins = link_frames(q, chain)
+        write_link_frames(q, chain, rotations, origins)
         error = pose_difference(origins[-1], quaternion_of(rotations[-1]), position, quaternion)
         rest = offset
         for j in range(joints):
@@ -256,9 +272,10 @@ def _solve_with_fewer(position: np.ndarray, quaternion: np.ndarray, q: np.ndarra
     """
     joints = len(q)
     matrix, right, slopes = np.empty((joints + 3, joints + 3)), np.empty(joints + 3), np.empty((6, joints))
+    rotations, origins = base_frames(chain)
     turned = np.inf
     for _ in range(_STEPS):
-        rotations, origins = link_frames(q, chain)
+        write_link_frames(q, chain, rotations, origins)
         error = pose_difference(origins[-1], quaternion_of(rotations[-1]), position, quaternion)
         off = max(abs(error[0]), abs(error[1]), abs(error[2]))
         if off < _TOLERANCE and turned < _SETTLED:

@@ -16,6 +16,7 @@ from geodesic_motion_ros.manifold.geodesic_refinement import refined
 from geodesic_motion_ros.manifold.latent_graph import LatentGraph
 from geodesic_motion_ros.manifold.node_body import NodeBody
 from geodesic_motion_ros.manifold.obstacle_weights import NodeEvaluation, first_clear
+from geodesic_motion_ros.manifold.shortest_path import shortest_free_path
 from geodesic_motion_ros.obstacles.obstacles import Obstacles
 from geodesic_motion_ros.queries.query import Query
 from geodesic_motion_ros.skill.skill import Skill
@@ -62,11 +63,12 @@ class KnownPaths:
 
 
 def load_search(graph: LatentGraph, query: Query[Any], settings: PlannerSettings) -> None:
-    """Load the compiled kernels of `cheapest_path`, whatever obstacles there will be."""
+    """Load the compiled kernels of `cheapest_path`, whatever obstacles there will be, and of paths without any."""
     evaluation = NodeEvaluation.of(
         query.body, Obstacles.none(), settings.ambient_strength, settings.ambient_width_ratio,
         settings.obstacle_margin, settings.ambient_law,
     )  # fmt: skip
+    shortest_free_path(graph.adjacency, query.graph.base, query.to_goal, query.goal_node, query.goal_node)
     load_search_from_both_ends(
         graph.adjacency, query.graph.base, query.graph.fixed, query.graph.shares, evaluation, query.to_goal,
         query.from_start, query.goal_node,

@@ -12,6 +12,8 @@ def in_turn_of(nodes: np.ndarray, joint_positions: np.ndarray, robot: Robot) -> 
 
     Where nodes extend over more than a turn positions among them stay as they are.
     """
+    if not np.any(robot.is_continuous):
+        return joint_positions
     lower, upper = nodes.min(axis=0), nodes.max(axis=0)
     middle, ambiguous = 0.5 * (lower + upper), np.maximum(0.0, 0.5 * (upper - lower) - np.pi)
     return robot.nearest_turn(joint_positions, np.clip(joint_positions, middle - ambiguous, middle + ambiguous))

@@ -223,20 +223,22 @@ def joint_terms(chain):
 @numba.njit(cache=True, nogil=True)
 def place_joints(q, terms, translations, slides, rotations, origins):
     """Write rotations (eta + 1, 3, 3) and origins (eta + 1, 3) of the base and of the moving joints' frames."""
+    # By indices: looking at a row of an array costs more than what is done with it.
     for joint in range(len(terms)):
-        parent, child = rotations[joint], rotations[joint + 1]
         c, s = np.cos(q[joint]), np.sin(q[joint])
         for column in range(3):
             x = terms[joint, 0, 0, column] + c * terms[joint, 1, 0, column] + s * terms[joint, 2, 0, column]
             y = terms[joint, 0, 1, column] + c * terms[joint, 1, 1, column] + s * terms[joint, 2, 1, column]
             z = terms[joint, 0, 2, column] + c * terms[joint, 1, 2, column] + s * terms[joint, 2, 2, column]
             for row in range(3):
-                child[row, column] = parent[row, 0] * x + parent[row, 1] * y + parent[row, 2] * z
+                rotations[joint + 1, row, column] = (
+                    rotations[joint, row, 0] * x + rotations[joint, row, 1] * y + rotations[joint, row, 2] * z
+                )
         x = translations[joint, 0] + q[joint] * slides[joint, 0]
         y = translations[joint, 1] + q[joint] * slides[joint, 1]
         z = translations[joint, 2] + q[joint] * slides[joint, 2]
         for row in range(3):
-            moved = parent[row, 0] * x + parent[row, 1] * y + parent[row, 2] * z
+            moved = rotations[joint, row, 0] * x + rotations[joint, row, 1] * y + rotations[joint, row, 2] * z
             origins[joint + 1, row] = origins[joint, row] + moved
 
 
@@ -254,27 +256,32 @@ def mounted(frames, offsets, mounts, mount_origins, carriers):
     return joints, points
 
 
-@numba.njit((MATRIX, INDICES, MATRIX, numba.int64, CHAIN), cache=True, nogil=True)
-def place_split_points(configurations, frames, offsets, last, chain):
-    """Positions (n, K - last, 3) and (n, last, 3) [m]: those of `place_body_points`, the last ones apart."""
+@numba.njit(cache=True, nogil=True)
+def _write_placed(joints, points, rotations, origins, placed):
+    """Write the positions (K, 3) [m] of points that are `mounted` on joints which `place_joints` has placed."""
+    for k in range(len(joints)):
+        joint, x, y, z = joints[k], points[k, 0], points[k, 1], points[k, 2]
+        for row in range(3):
+            turned = rotations[joint, row, 0] * x + rotations[joint, row, 1] * y + rotations[joint, row, 2] * z
+            placed[k, row] = origins[joint, row] + turned
+
+
+@numba.njit((MATRIX, INDICES, MATRIX, INDICES, MATRIX, CHAIN), cache=True, nogil=True)
+def place_two_sets(configurations, frames, offsets, other_frames, other_offsets, chain):
+    """`place_body_points` of two sets of points at once: to place the joints takes longer than to place the points."""
     terms, translations, slides, mounts, mount_origins, carriers = joint_terms(chain)
     joints, points = mounted(frames, offsets, mounts, mount_origins, carriers)
+    other_joints, other_points = mounted(other_frames, other_offsets, mounts, mount_origins, carriers)
     rotations = np.zeros((len(terms) + 1, 3, 3))
     unit(rotations[0])
     origins = np.zeros((len(terms) + 1, 3))
-    count, split = len(configurations), len(frames) - last
-    placed, apart = np.empty((count, split, 3)), np.empty((count, last, 3))
-    for i in range(count):
+    placed = np.empty((len(configurations), len(joints), 3))
+    other_placed = np.empty((len(configurations), len(other_joints), 3))
+    for i in range(len(configurations)):
         place_joints(configurations[i], terms, translations, slides, rotations, origins)
-        for k in range(len(frames)):
-            rotation, x, y, z = rotations[joints[k]], points[k, 0], points[k, 1], points[k, 2]
-            for row in range(3):
-                turned = rotation[row, 0] * x + rotation[row, 1] * y + rotation[row, 2] * z
-                if k < split:
-                    placed[i, k, row] = origins[joints[k], row] + turned
-                else:
-                    apart[i, k - split, row] = origins[joints[k], row] + turned
-    return placed, apart
+        _write_placed(joints, points, rotations, origins, placed[i])
+        _write_placed(other_joints, other_points, rotations, origins, other_placed[i])
+    return placed, other_placed
 
 
 @numba.njit((MATRIX, INDICES, MATRIX, CHAIN), cache=True, nogil=True)
@@ -283,7 +290,7 @@ def place_body_points(configurations, frames, offsets, chain):
 
     frames (K,) and offsets (K, 3) [m] are those of `BodyPoints`, chain that of `Robot`.
     """
-    return place_split_points(configurations, frames, offsets, 0, chain)[0]
+    return place_two_sets(configurations, frames, offsets, frames[:0], offsets[:0], chain)[0]
 
 
 @numba.njit((MATRIX, INDICES, MATRIX, CHAIN), cache=True, nogil=True)

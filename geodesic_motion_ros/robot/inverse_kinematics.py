@@ -189,10 +189,9 @@ def pose_difference(position, quaternion, target_position, target_quaternion):
     return error
 
 
-@numba.njit((MATRIX, numba.float64), cache=True, nogil=True)
-def _factor(matrix, damping):
-    """Cholesky factor L (6, 6) with L L^T = matrix + damping I."""
-    factor = np.zeros((6, 6))
+@numba.njit(cache=True, nogil=True)
+def _write_factor(matrix, damping, factor):
+    """Write the Cholesky factor L, L L^T = matrix + damping I, to the lower triangle of a matrix (6, 6)."""
     for i in range(6):
         for j in range(i + 1):
             value = matrix[i, j]
@@ -203,50 +202,67 @@ def _factor(matrix, damping):
                 factor[i, i] = np.sqrt(max(value + damping, 1e-14))
             else:
                 factor[i, j] = value / factor[j, j]
-    return factor
 
 
-@numba.njit((MATRIX, VECTOR), cache=True, nogil=True)
-def _solve_factored(factor, right):
-    """Solution (6,) of L L^T x = right."""
-    x = right.copy()
+@numba.njit(cache=True, nogil=True)
+def _solve_factored(factor, x):
+    """Solve L L^T x = right in place, from the right side (6,)."""
     for i in range(6):
+        value = x[i]
         for k in range(i):
-            x[i] -= factor[i, k] * x[k]
-        x[i] /= factor[i, i]
+            value -= factor[i, k] * x[k]
+        x[i] = value / factor[i, i]
     for i in range(5, -1, -1):
+        value = x[i]
         for k in range(i + 1, 6):
-            x[i] -= factor[k, i] * x[k]
-        x[i] /= factor[i, i]
-    return x
+            value -= factor[k, i] * x[k]
+        x[i] = value / factor[i, i]
 
 
-@numba.njit((MATRIX, VECTOR, VECTOR, VECTOR, numba.float64), cache=True, nogil=True)
-def damped_step(matrix, free, task, drift, damping):
-    """Damped least-squares step of the free joints for a displacement (6,), with drift in the null space."""
-    count = len(free)
-    gram = np.zeros((6, 6))
-    residual = task.copy()
+@numba.njit(cache=True, nogil=True)
+def write_damped_factor(matrix, free, damping, gram, factor):
+    """Write the Cholesky factor of the free joints' damped J J^T to the lower triangle of a matrix (6, 6).
+
+    gram (6, 6) : room to work in. A negative damping is chosen by how near the arm is to a singular posture.
+    """
     for i in range(6):
-        for joint in range(count):
-            residual[i] -= matrix[i, joint] * free[joint] * drift[joint]
-            for j in range(i + 1):
-                gram[i, j] += matrix[i, joint] * free[joint] * matrix[j, joint]
-    factor = _factor(gram, SMALLEST_DAMPING**2 + max(damping, 0.0))
+        for j in range(i + 1):
+            product = 0.0
+            for joint in range(len(free)):
+                product += matrix[i, joint] * free[joint] * matrix[j, joint]
+            gram[i, j] = product
+    _write_factor(gram, SMALLEST_DAMPING**2 + max(damping, 0.0), factor)
     if damping < 0.0:
         manipulability = 1.0
         for i in range(6):
             manipulability *= factor[i, i]
         if manipulability < LOW_MANIPULABILITY:
             shortage = 1.0 - manipulability / LOW_MANIPULABILITY
-            factor = _factor(gram, SMALLEST_DAMPING**2 + (DAMPING * shortage) ** 2)
-    pull = _solve_factored(factor, residual)
-    step = np.zeros(count)
-    for joint in range(count):
-        step[joint] = drift[joint]
+            _write_factor(gram, SMALLEST_DAMPING**2 + (DAMPING * shortage) ** 2, factor)
+
+
+@numba.njit(cache=True, nogil=True)
+def write_factored_step(matrix, free, factor, task, drift, pull, step):
+    """Write `damped_step` to a step (eta,), by the factor of `write_damped_factor`. pull (6,) : room to work in."""
+    for i in range(6):
+        left = task[i]
+        for joint in range(len(free)):
+            left -= matrix[i, joint] * free[joint] * drift[joint]
+        pull[i] = left
+    _solve_factored(factor, pull)
+    for joint in range(len(free)):
+        moved = drift[joint]
         for i in range(6):
-            step[joint] += matrix[i, joint] * pull[i]
-        step[joint] *= free[joint]
+            moved += matrix[i, joint] * pull[i]
+        step[joint] = moved * free[joint]
+
+
+@numba.njit((MATRIX, VECTOR, VECTOR, VECTOR, numba.float64), cache=True, nogil=True)
+def damped_step(matrix, free, task, drift, damping):
+    """Damped least-squares step of the free joints for a displacement (6,), with drift in the null space."""
+    factor, step = np.empty((6, 6)), np.empty(len(free))
+    write_damped_factor(matrix, free, damping, np.empty((6, 6)), factor)
+    write_factored_step(matrix, free, factor, task, drift, np.empty(6), step)
     return step
 
 

@@ -259,30 +259,34 @@ def multiply(left, right, out):
 
 
 @numba.njit(cache=True, nogil=True)
-def _axis_rotation(axis, angle, out):
-    """Rodrigues' formula: R = cos a I + sin a [axis]x + (1 - cos a) axis axis^T, written to out (3, 3)."""
-    x, y, z = axis
+def _axis_rotation(x, y, z, angle):
+    """Rodrigues' formula: the rows of R = cos a I + sin a [axis]x + (1 - cos a) axis axis^T, for a unit axis."""
     s, c = np.sin(angle), np.cos(angle)
     t = 1.0 - c
-    out[0, 0], out[0, 1], out[0, 2] = c + t * x * x, t * x * y - s * z, t * x * z + s * y
-    out[1, 0], out[1, 1], out[1, 2] = t * x * y + s * z, c + t * y * y, t * y * z - s * x
-    out[2, 0], out[2, 1], out[2, 2] = t * x * z - s * y, t * y * z + s * x, c + t * z * z
+    first = c + t * x * x, t * x * y - s * z, t * x * z + s * y
+    second = t * x * y + s * z, c + t * y * y, t * y * z - s * x
+    return first, second, (t * x * z - s * y, t * y * z + s * x, c + t * z * z)
 
 
-@numba.njit((VECTOR, CHAIN), cache=True, nogil=True)
-def link_frames(q, chain):
-    """Rotations (m + 1, 3, 3) and origins (m + 1, 3) of all links of the chain in the base frame."""
-    offset_rotations, offset_translations, axes, joint_index, prismatic = chain
-    count = len(joint_index)
-    rotations = np.zeros((count + 1, 3, 3))
-    origins = np.zeros((count + 1, 3))
+@numba.njit(cache=True, nogil=True)
+def base_frames(chain):
+    """Rotations (m + 1, 3, 3) and origins (m + 1, 3) for `write_link_frames`: the base's are there already."""
+    count = len(chain[3])
+    rotations, origins = np.zeros((count + 1, 3, 3)), np.zeros((count + 1, 3))
     unit(rotations[0])
-    turn = np.empty((3, 3))
+    return rotations, origins
+
+
+@numba.njit(cache=True, nogil=True)
+def write_link_frames(q, chain, rotations, origins):
+    """Write the frames of all links but the base, as of `link_frames`, to arrays as of `base_frames`."""
+    offset_rotations, offset_translations, axes, joint_index, prismatic = chain
+    first = second = third = (0.0, 0.0, 0.0)
     # Numbers instead of rows: looking at a row of an array costs more than what is done with it.
-    for k in range(count):
+    for k in range(len(joint_index)):
         turns = joint_index[k] >= 0 and not prismatic[k]
         if turns:
-            _axis_rotation(axes[k], q[joint_index[k]], turn)
+            first, second, third = _axis_rotation(axes[k, 0], axes[k, 1], axes[k, 2], q[joint_index[k]])
         for i in range(3):
             x, y, z = rotations[k, i, 0], rotations[k, i, 1], rotations[k, i, 2]
             origins[k + 1, i] = (
@@ -293,13 +297,21 @@ def link_frames(q, chain):
             b = x * offset_rotations[k, 0, 1] + y * offset_rotations[k, 1, 1] + z * offset_rotations[k, 2, 1]
             c = x * offset_rotations[k, 0, 2] + y * offset_rotations[k, 1, 2] + z * offset_rotations[k, 2, 2]
             if turns:
-                for j in range(3):
-                    rotations[k + 1, i, j] = a * turn[0, j] + b * turn[1, j] + c * turn[2, j]
+                rotations[k + 1, i, 0] = a * first[0] + b * second[0] + c * third[0]
+                rotations[k + 1, i, 1] = a * first[1] + b * second[1] + c * third[1]
+                rotations[k + 1, i, 2] = a * first[2] + b * second[2] + c * third[2]
                 continue
             rotations[k + 1, i, 0], rotations[k + 1, i, 1], rotations[k + 1, i, 2] = a, b, c
             if prismatic[k]:
                 for j in range(3):
                     origins[k + 1, i] += rotations[k + 1, i, j] * axes[k, j] * q[joint_index[k]]
+
+
+@numba.njit((VECTOR, CHAIN), cache=True, nogil=True)
+def link_frames(q, chain):
+    """Rotations (m + 1, 3, 3) and origins (m + 1, 3) of all links of the chain in the base frame."""
+    rotations, origins = base_frames(chain)
+    write_link_frames(q, chain, rotations, origins)
     return rotations, origins
 
 
@@ -328,7 +340,11 @@ def quaternion_of(rotation):
         out[1 + j] = rotation[j, i] + rotation[i, j]
         out[1 + k] = rotation[k, i] + rotation[i, k]
     scale = 1.0 / np.sqrt(out[0] ** 2 + out[1] ** 2 + out[2] ** 2 + out[3] ** 2)
-    return out * (-scale if out[0] < 0.0 else scale)
+    if out[0] < 0.0:
+        scale = -scale
+    for i in range(4):
+        out[i] *= scale
+    return out
 
 
 @numba.njit((VECTOR, CHAIN), cache=True, nogil=True)
@@ -342,20 +358,23 @@ def forward(q, chain):
 def write_jacobian(rotations, origins, chain, out):
     """Write the geometric Jacobian at the frames of the links (`link_frames`) into zeros (6 or more, n)."""
     axes, joint_index, prismatic = chain[2], chain[3], chain[4]
-    a, arm = np.empty(3), np.empty(3)
-    for k in range(len(joint_index)):
+    last = len(joint_index)
+    for k in range(last):
         column = joint_index[k]
         if column < 0:
             continue
+        first = 0 if prismatic[k] else 3
         for i in range(3):
-            a[i], arm[i] = 0.0, origins[-1, i] - origins[k + 1, i]
+            along = 0.0
             for j in range(3):
-                a[i] += rotations[k + 1, i, j] * axes[k, j]
-            out[i if prismatic[k] else 3 + i, column] = a[i]
+                along += rotations[k + 1, i, j] * axes[k, j]
+            out[first + i, column] = along
         if not prismatic[k]:
-            out[0, column] = a[1] * arm[2] - a[2] * arm[1]
-            out[1, column] = a[2] * arm[0] - a[0] * arm[2]
-            out[2, column] = a[0] * arm[1] - a[1] * arm[0]
+            a, b, c = out[3, column], out[4, column], out[5, column]
+            x = origins[last, 0] - origins[k + 1, 0]
+            y = origins[last, 1] - origins[k + 1, 1]
+            z = origins[last, 2] - origins[k + 1, 2]
+            out[0, column], out[1, column], out[2, column] = b * z - c * y, c * x - a * z, a * y - b * x
 
 
 @numba.njit((VECTOR, CHAIN), cache=True, nogil=True)
