@@ -197,8 +197,7 @@ def _constraints(grid_motion: np.ndarray, limits: JointLimits, tool: LimitedTool
     joints[:2] = grid_motion[1:]
     joints[2:] = np.stack([_VELOCITY_SHARE * limits.velocity, _ACCELERATION_SHARE * limits.acceleration])[:, None]
     if limits.position_based_velocity is not None:
-        downwards, upwards = limits.largest_speeds(grid_motion[0])
-        joints[2] = _VELOCITY_SHARE * np.where(grid_motion[1] < 0.0, downwards, upwards)
+        joints[2] = _VELOCITY_SHARE * np.where(grid_motion[1] < 0.0, *limits.largest_speeds(grid_motion[0]))
     if tool is None:
         return joints
     return np.concatenate([joints, tool.constraints(grid_motion, _VELOCITY_SHARE, _ACCELERATION_SHARE)], axis=2)
