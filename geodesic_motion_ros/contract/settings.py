@@ -215,7 +215,8 @@ class PlannerSettings:
     maximum_joint_offset : how far start and goal of a skill of configurations may, over all joints [rad].
     body_radius : radius of the body around its points, as the soft metric of a skill of configurations sees it. The
         removal of nodes and the certificate use the arm's collision spheres instead.
-    speed_scale, acceleration_scale : share of the joints' velocity limits, and of their acceleration and jerk limits.
+    speed_scale, acceleration_scale : share of the joints' velocity limits, up to `Robot.largest_speed_scale`, and of
+        their acceleration and jerk limits.
     speed, angular_speed : limits of the tool [m/s], [rad/s]. 0: none; None: 0.2 and 0.8 with skills of tool poses, none
         with those of configurations.
     acceleration : limit of the tool's acceleration [m/s^2], tangential and centripetal together; None: 1.5, or none.

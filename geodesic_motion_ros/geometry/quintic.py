@@ -53,6 +53,26 @@ def quintic_samples(
 
 
 @numba.njit(cache=True, nogil=True)
+def control_points(
+    points: np.ndarray,
+    h: float,
+    positions: np.ndarray,
+    velocities: np.ndarray,
+    accelerations: np.ndarray,
+    i: int,
+    j: int,
+) -> None:
+    """Write the control points (6,) of joint j on interval i, of length h [s], relative to its first knot: differences
+    of large numbers would lose digits.
+    """
+    points[0], points[5] = 0.0, positions[i + 1, j] - positions[i, j]
+    points[1] = 0.2 * h * velocities[i, j]
+    points[2] = 2.0 * points[1] + 0.05 * h * h * accelerations[i, j]
+    points[4] = points[5] - 0.2 * h * velocities[i + 1, j]
+    points[3] = points[5] - 0.4 * h * velocities[i + 1, j] + 0.05 * h * h * accelerations[i + 1, j]
+
+
+@numba.njit(cache=True, nogil=True)
 def quintic_bounds(
     times: np.ndarray, positions: np.ndarray, velocities: np.ndarray, accelerations: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
@@ -72,13 +92,8 @@ def quintic_bounds(
         h = times[i + 1] - times[i]
         factors = (5.0 / h, 20.0 / (h * h), 60.0 / (h * h * h))
         for j in range(joints):
-            begin, end = positions[i, j], positions[i + 1, j]
-            # Relative to the first knot: differences of large numbers would lose digits.
-            points[0], points[5] = 0.0, end - begin
-            points[1] = 0.2 * h * velocities[i, j]
-            points[2] = 2.0 * points[1] + 0.05 * h * h * accelerations[i, j]
-            points[4] = points[5] - 0.2 * h * velocities[i + 1, j]
-            points[3] = points[5] - 0.4 * h * velocities[i + 1, j] + 0.05 * h * h * accelerations[i + 1, j]
+            begin = positions[i, j]
+            control_points(points, h, positions, velocities, accelerations, i, j)
             for k in range(6):
                 ends[0, j] = min(ends[0, j], begin + points[k])
                 ends[1, j] = max(ends[1, j], begin + points[k])

@@ -213,7 +213,16 @@ PLANNER = (
         0.001,
         6.0,
     ),
-    Parameter("speed_scale", 0.3, "Share of the joints' velocity limits", "", 0.01, 1.0, read_only=False),
+    Parameter(
+        "speed_scale",
+        0.3,
+        "Share of the joints' velocity limits; at most that which the robot's joint_limits.yaml allows: 0.8 of an FR3, "
+        "whose servo stops the arm where it overshoots them",
+        "",
+        0.01,
+        1.0,
+        read_only=False,
+    ),
     Parameter(
         "acceleration_scale",
         0.2,

@@ -14,7 +14,14 @@ import numba
 import numpy as np
 
 from geodesic_motion_ros.robot.description import RobotDescription
-from geodesic_motion_ros.robot.urdf import read_chain, read_dynamic_limits, read_velocity_limits
+from geodesic_motion_ros.robot.position_based_velocity import PositionBasedVelocity
+from geodesic_motion_ros.robot.urdf import (
+    read_chain,
+    read_dynamic_limits,
+    read_largest_speed_scale,
+    read_position_based_velocity,
+    read_velocity_limits,
+)
 from geodesic_motion_ros.utils.checked_numbers import real_array
 from geodesic_motion_ros.utils.errors import RobotError
 
@@ -47,6 +54,9 @@ class Robot:
     lower, upper : (n,) position limits [rad]; infinite for continuous joints.
     velocity_limits : (n,) [rad/s].
     acceleration_limits, jerk_limits : (n,) [rad/s^2], [rad/s^3]; infinite where no limits file was given.
+    position_based_velocity : limits of the speeds towards the joints' stops; None: the arm has none.
+    largest_speed_scale : share of `velocity_limits` that commands may use; less than 1 where a servo that overshoots
+        the limits themselves would stop the arm.
     ready : (n,) a comfortable posture [rad], to which redundancy is drawn by default.
     inverse_kinematics : module that solves for it in closed form; None: that is done numerically (`solutions.py`).
     """
@@ -65,9 +75,13 @@ class Robot:
         self.joint_names, self.link_names = chain.joint_names, chain.link_names
         self.lower, self.upper, self.velocity_limits = chain.lower, chain.upper, chain.velocity
         self.acceleration_limits, self.jerk_limits = np.full((2, len(self.joint_names)), np.inf)
+        self.position_based_velocity: PositionBasedVelocity | None = None
+        self.largest_speed_scale = 1.0
         if limits_path is not None:
             self.acceleration_limits, self.jerk_limits = read_dynamic_limits(limits_path, self.joint_names)
             self.velocity_limits = read_velocity_limits(limits_path, self.joint_names, self.velocity_limits)
+            self.position_based_velocity = read_position_based_velocity(limits_path, self.joint_names)
+            self.largest_speed_scale = read_largest_speed_scale(limits_path)
         self.inverse_kinematics = inverse_kinematics
         self.chain = (chain.rotations, chain.translations, chain.axes, chain.joint_index, chain.prismatic)
         self.ready = self._middle() if ready is None else self.checked(np.asarray(ready, dtype=float))

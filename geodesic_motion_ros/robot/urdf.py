@@ -2,19 +2,24 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TypeGuard
 from xml.etree import ElementTree
 
 import numpy as np
 import yaml
 from scipy.spatial.transform import Rotation
 
+from geodesic_motion_ros.robot.position_based_velocity import PositionBasedVelocity
 from geodesic_motion_ros.utils.checked_files import load_yaml
 from geodesic_motion_ros.utils.errors import RobotError
 
 MOVING = ("revolute", "continuous", "prismatic")
+#: What a joint's `position_based_velocity` holds.
+_APPROACH = ("deceleration", "offset", "lower", "upper")
 
 
 @dataclass(frozen=True)
@@ -115,15 +120,65 @@ def read_velocity_limits(path: str | Path, joint_names: tuple[str, ...], otherwi
     return np.array([_positive(table, joint, key, path) if here else limit for joint, here, limit in pairs])
 
 
+def read_position_based_velocity(path: str | Path, joint_names: tuple[str, ...]) -> PositionBasedVelocity | None:
+    """Limits of the speeds towards stops of a joint_limits.yaml, infinite for joints without; None where no joint has
+    any.
+
+    Raises
+    ------
+    RobotError : one lacks a number, has another one besides, or has one that cannot be.
+    """
+    table, key = _joint_limits(path), "position_based_velocity"
+    rows = np.tile([1.0, 0.0, -np.inf, np.inf], (len(joint_names), 1))
+    for row, joint in zip(rows, joint_names, strict=True):
+        entry = table.get(joint)
+        if isinstance(entry, Mapping) and key in entry:
+            row[:] = _approach(entry[key], f"{key} of joint '{joint}' in {Path(path).name}")
+    return PositionBasedVelocity(*rows.T) if np.any(np.isfinite(rows[:, 2:])) else None
+
+
+def _approach(value: object, what: str) -> list[float]:
+    """Deceleration, offset, lower and upper stop of a joint; RobotError states what is wrong with them."""
+    numbers = [value.get(key) for key in _APPROACH] if isinstance(value, Mapping) else []
+    if not isinstance(value, Mapping) or set(value) != set(_APPROACH) or not all(map(_is_finite, numbers)):
+        raise RobotError(f"{what} is {value}: expected finite numbers {', '.join(_APPROACH)}, and nothing else")
+    deceleration, offset, lower, upper = map(float, numbers)
+    if not deceleration > 0.0:
+        raise RobotError(f"{what} has deceleration {deceleration:g}: expected a positive one [rad/s^2]")
+    if not offset >= 0.0:
+        raise RobotError(f"{what} has offset {offset:g}: expected 0 or a positive one [rad/s]")
+    if not lower < upper:
+        raise RobotError(f"{what} has stops {lower:g} and {upper:g}: expected lower below upper")
+    return [deceleration, offset, lower, upper]
+
+
+def read_largest_speed_scale(path: str | Path) -> float:
+    """The largest share of the velocity limits that commands may use, `max_speed_scale` of a joint_limits.yaml; 1
+    without one. RobotError: it is not in (0, 1].
+    """
+    scale = _limits_file(path).get("max_speed_scale", 1.0)
+    if not _is_finite(scale) or not 0.0 < scale <= 1.0:
+        raise RobotError(f"max_speed_scale in {Path(path).name} is {scale}: expected a number in (0, 1]")
+    return float(scale)
+
+
 def _joint_limits(path: str | Path) -> Mapping:
     """The mapping of a joint_limits.yaml, by joint."""
-    try:
-        table = load_yaml(Path(path).read_text())["joint_limits"]
-    except (OSError, yaml.YAMLError, TypeError, KeyError) as error:
-        raise RobotError(f"{path} must be a YAML file with a mapping `joint_limits`: {error}") from error
+    table = _limits_file(path)["joint_limits"]
     if not isinstance(table, Mapping):
         raise RobotError(f"{path}: joint_limits is {table}; it must hold joints with their limits")
     return table
+
+
+def _limits_file(path: str | Path) -> Mapping:
+    """All of a joint_limits.yaml."""
+    try:
+        content = load_yaml(Path(path).read_text())
+    except (OSError, yaml.YAMLError) as error:
+        raise RobotError(f"{path} must be a YAML file with a mapping `joint_limits`: {error}") from error
+    if not isinstance(content, Mapping) or "joint_limits" not in content:
+        raise RobotError(f"{path} must be a YAML file with a mapping `joint_limits`")
+    return content
 
 
 def read_urdf(path: str | Path) -> ElementTree.Element:
@@ -250,6 +305,10 @@ def read_floats(text: str, count: int, what: str) -> list[float]:
 def _positive(table: Mapping, joint: str, key: str, path: str | Path) -> float:
     entry = table.get(joint)
     value = entry.get(key) if isinstance(entry, Mapping) else None
-    if isinstance(value, bool) or not isinstance(value, (int, float)) or not 0.0 < value < np.inf:
+    if not _is_finite(value) or not value > 0.0:
         raise RobotError(f"{key} of joint '{joint}' in {Path(path).name} is {value}: expected a positive number")
     return float(value)
+
+
+def _is_finite(value: object) -> TypeGuard[float]:
+    return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)

@@ -196,6 +196,8 @@ def _constraints(grid_motion: np.ndarray, limits: JointLimits, tool: LimitedTool
     joints = np.empty((4, *grid_motion.shape[1:]))
     joints[:2] = grid_motion[1:]
     joints[2:] = np.stack([_VELOCITY_SHARE * limits.velocity, _ACCELERATION_SHARE * limits.acceleration])[:, None]
+    if limits.position_based_velocity is not None:
+        joints[2] = _VELOCITY_SHARE * np.where(grid_motion[1] < 0.0, *limits.largest_speeds(grid_motion[0]))
     if tool is None:
         return joints
     return np.concatenate([joints, tool.constraints(grid_motion, _VELOCITY_SHARE, _ACCELERATION_SHARE)], axis=2)

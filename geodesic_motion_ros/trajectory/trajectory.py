@@ -11,8 +11,9 @@ from dataclasses import dataclass
 import numba
 import numpy as np
 
-from geodesic_motion_ros.geometry.quintic import quintic_bounds, quintic_samples
+from geodesic_motion_ros.geometry.quintic import control_points, quintic_bounds, quintic_samples
 from geodesic_motion_ros.robot.limits import JointLimits
+from geodesic_motion_ros.robot.position_based_velocity import STILL, approach_speed
 
 #: Time between knots [s].
 PERIOD = 0.02
@@ -116,7 +117,15 @@ class JointReference:
         """
         ends, largest = quintic_bounds(self.times, self.positions, self.velocities, self.accelerations)
         inside = self.is_finite and _inside(ends, self.positions[0], limits.lower, limits.upper)
-        return inside, _limit_ratio(largest, limits.velocity, limits.acceleration, limits.jerk)
+        limit_ratio = _limit_ratio(largest, limits.velocity, limits.acceleration, limits.jerk)
+        approach = limits.position_based_velocity
+        if approach is not None:
+            towards_stops = _approach_ratio(
+                self.times, self.positions, self.velocities, self.accelerations, ends, limits.velocity,
+                approach.deceleration, approach.offset, approach.lower, approach.upper,
+            )  # fmt: skip
+            np.maximum(limit_ratio[0], towards_stops, out=limit_ratio[0])
+        return inside, limit_ratio
 
 
 def joined(old: JointReference, since: float, new: JointReference, until: float) -> JointReference:
@@ -194,4 +203,60 @@ def _limit_ratio(largest: np.ndarray, velocity: np.ndarray, acceleration: np.nda
         for i in range(largest.shape[1]):
             for j in range(largest.shape[2]):
                 result[k, i] = max(result[k, i], largest[k, i, j] / limits[j])
+    return result
+
+
+@numba.njit(cache=True, nogil=True)
+def _approach_ratio(
+    times: np.ndarray,
+    positions: np.ndarray,
+    velocities: np.ndarray,
+    accelerations: np.ndarray,
+    ends: np.ndarray,
+    velocity: np.ndarray,
+    deceleration: np.ndarray,
+    offset: np.ndarray,
+    lower: np.ndarray,
+    upper: np.ndarray,
+) -> np.ndarray:
+    """Of a motion's speeds (n - 1,) over their limits towards stops, where these are below `velocity` (eta,).
+
+    On an interval the limit is a concave function of the position, and so no less than its chord over the range of the
+    control points. Velocity and chord are polynomials of time then: as many times the chord as the largest ratio of
+    their control points is never exceeded by the velocity.
+
+    ends : (2, eta) lowest and highest position [rad] of the whole motion.
+    """
+    result = np.zeros(len(times) - 1)
+    points, speeds = np.empty(6), np.empty(6)
+    for j in range(positions.shape[1]):
+        for side in (-1.0, 1.0):
+            stop = upper[j] if side > 0.0 else -lower[j]
+            nearest_to_it = ends[1, j] if side > 0.0 else -ends[0, j]
+            if approach_speed(stop - nearest_to_it, deceleration[j], offset[j]) >= velocity[j]:
+                continue
+            for i in range(len(times) - 1):
+                h = times[i + 1] - times[i]
+                control_points(points, h, positions, velocities, accelerations, i, j)
+                # A derivative has one point less, and as many once its degree is raised.
+                for k in range(6):
+                    before = points[k] - points[k - 1] if k > 0 else 0.0
+                    after = points[k + 1] - points[k] if k < 5 else 0.0
+                    speeds[k] = side * (k * before + (5 - k) * after) / h
+                if np.max(speeds) <= 0.0:
+                    continue
+                begin = side * positions[i, j]
+                points *= side
+                low, high = np.min(points), np.max(points)
+                slowest = approach_speed(stop - begin - high, deceleration[j], offset[j])
+                if slowest >= velocity[j]:
+                    continue
+                change = 0.0
+                if high > low:
+                    fastest = approach_speed(stop - begin - low, deceleration[j], offset[j])
+                    change = (fastest - slowest) / (high - low)
+                for k in range(6):
+                    # Where the motion enters the range in which no speed is allowed, none is in all of the interval.
+                    limit = slowest + change * (high - points[k]) if slowest > STILL else STILL
+                    result[i] = max(result[i], speeds[k] / limit)
     return result

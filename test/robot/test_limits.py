@@ -34,6 +34,28 @@ def test_a_scale_outside_its_range_is_refused(scales):
         JointLimits.of(ROBOT, *scales)
 
 
+def test_a_robot_whose_servo_would_overshoot_its_limits_takes_no_larger_scale():
+    robot = Robot.named("fr3")
+    assert robot.largest_speed_scale == 0.8
+    assert JointLimits.of(robot, 0.8).velocity[0] == pytest.approx(0.8 * robot.velocity_limits[0])
+    with pytest.raises(RobotError, match=r"speed_scale is 0\.81: it must be in \(0, 0\.8\]: above that a servo"):
+        JointLimits.of(robot, 0.81)
+    np.testing.assert_array_equal(JointLimits.of(robot).velocity, robot.velocity_limits)
+
+
+def test_the_wider_of_two_limits_keeps_those_towards_stops():
+    robot = Robot.named("fr3")
+    wider = JointLimits.of(robot, 0.2, 0.5).covering(JointLimits.of(robot, 0.5, 0.2))
+    np.testing.assert_array_equal(wider.velocity, JointLimits.of(robot, 0.5).velocity)
+    assert wider.position_based_velocity is robot.position_based_velocity
+
+
+def test_limits_towards_stops_are_of_all_joints():
+    robot, ones = Robot.named("fr3"), np.ones(2)
+    with pytest.raises(RobotError, match="7 joints have limits towards stops: there are 2"):
+        JointLimits(-ones, ones, ones, ones, ones, robot.position_based_velocity)
+
+
 def test_a_robot_without_acceleration_limits_is_refused():
     bare = Robot.from_urdf(ROBOT.urdf, ROBOT.base_link, ROBOT.tool_link)
     with pytest.raises(RobotError, match=r"joint_limits\.yaml"):

@@ -6,8 +6,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import yaml
 
-from geodesic_motion_ros.robot.urdf import read_chain, read_dynamic_limits
+from geodesic_motion_ros.robot.urdf import (
+    read_chain,
+    read_dynamic_limits,
+    read_largest_speed_scale,
+    read_position_based_velocity,
+)
 from geodesic_motion_ros.utils.errors import RobotError
 
 ARM = """<robot name="arm">
@@ -111,6 +117,49 @@ def test_dynamic_limits_must_be_complete_and_positive(tmp_path: Path, entry: str
     path.write_text(f"joint_limits:\n  turn: {entry}\n")
     with pytest.raises(RobotError, match=r"(max_jerk|max_acceleration) of joint 'turn'"):
         read_dynamic_limits(path, ("turn",))
+
+
+APPROACH = {"deceleration": 6.0, "offset": 0.3, "lower": -2.75, "upper": 2.75}
+
+
+def limits_file(folder: Path, **content: object) -> Path:
+    path = folder / "limits.yaml"
+    path.write_text(yaml.safe_dump(content))
+    return path
+
+
+def test_limits_towards_stops_are_read_and_those_of_other_joints_are_none(tmp_path: Path) -> None:
+    path = limits_file(tmp_path, joint_limits={"turn": {"position_based_velocity": APPROACH}, "slide": {}})
+    read = read_position_based_velocity(path, ("turn", "slide"))
+    assert read is not None
+    downwards, upwards = read.largest_speeds(np.array([[2.0, 1e3]]))
+    np.testing.assert_allclose(downwards, [[np.sqrt(12.0 * 4.75) - 0.3, np.inf]])
+    np.testing.assert_allclose(upwards, [[np.sqrt(12.0 * 0.75) - 0.3, np.inf]])
+    assert read_position_based_velocity(path, ("slide",)) is None
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"deceleration": 0.0}, "has deceleration 0: expected a positive one"),
+        ({"offset": -0.1}, "has offset -0.1: expected 0 or a positive one"),
+        ({"upper": -3.0}, "has stops -2.75 and -3: expected lower below upper"),
+        ({"upper": None}, "expected finite numbers deceleration, offset, lower, upper"),
+        ({"upper": float("inf")}, "expected finite numbers deceleration, offset, lower, upper"),
+        ({"decelaration": 6.0}, "and nothing else"),
+    ],
+)
+def test_limits_towards_stops_must_be_complete(tmp_path: Path, change: dict[str, object], message: str) -> None:
+    path = limits_file(tmp_path, joint_limits={"turn": {"position_based_velocity": APPROACH | change}})
+    with pytest.raises(RobotError, match=rf"position_based_velocity of joint 'turn' in limits\.yaml .*{message}"):
+        read_position_based_velocity(path, ("turn",))
+
+
+@pytest.mark.parametrize("scale", [0.0, 1.5, True, "fast"])
+def test_the_largest_speed_scale_is_a_share(tmp_path: Path, scale: object) -> None:
+    with pytest.raises(RobotError, match=r"max_speed_scale in limits\.yaml is .*: expected a number in \(0, 1\]"):
+        read_largest_speed_scale(limits_file(tmp_path, joint_limits={}, max_speed_scale=scale))
+    assert read_largest_speed_scale(limits_file(tmp_path, joint_limits={})) == 1.0
 
 
 def test_dynamic_limits_must_be_a_table(tmp_path: Path) -> None:

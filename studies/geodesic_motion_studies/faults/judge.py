@@ -101,7 +101,8 @@ class TrajectoryJudge:
         if outside > _ROUNDING:
             wrong.append(f"leaves the margin of the position limits by {outside:.4f} rad")
         for name, values, most in (
-            ("velocity", samples[1], limits.velocity), ("acceleration", samples[2], limits.acceleration),
+            ("velocity", samples[1], np.where(samples[1] < 0.0, *limits.largest_speeds(samples[0]))),
+            ("acceleration", samples[2], limits.acceleration),
         ):  # fmt: skip
             share = float(np.max(np.abs(values) / most))
             if share > 1.0 + _ROUNDING:

@@ -9,8 +9,11 @@ from typing import Any
 import numpy as np
 import pytest
 
+from geodesic_motion_ros.contract.settings import PlannerSettings
 from geodesic_motion_ros.planning.planner import ReactivePlanner
 from geodesic_motion_ros.robot.collision_model import self_clearance
+from geodesic_motion_ros.robot.kinematics import Robot
+from geodesic_motion_ros.robot.limits import JointLimits
 from geodesic_motion_ros.skill.skill import Skill
 from geodesic_motion_ros.utils.tables import write_json
 from geodesic_motion_studies.experiments.drawn_queries import (
@@ -23,9 +26,10 @@ from geodesic_motion_studies.experiments.drawn_queries import (
     QuerySource,
     Spread,
 )
-from geodesic_motion_studies.experiments.queries import PLAN, Queries, QueriesReport, answers_to
+from geodesic_motion_studies.experiments.queries import PLAN, TAKEOVER, Queries, QueriesReport, answers_to
+from geodesic_motion_studies.tools.limit_shares import limit_shares
 
-TOOL, ARM = "panda_bottle2shelf", "ur5_reach"
+TOOL, ARM, WITH_STOPS = "panda_bottle2shelf", "ur5_reach", "fr3_reach_to_grasp"
 
 
 @pytest.fixture(scope="module")
@@ -141,3 +145,46 @@ def test_what_is_raised_is_reported_with_its_query(planner: ReactivePlanner, sou
     assert raised["reason"] == "ValueError: a broken planner"
     assert raised["number"] == 0
     assert f"{TOOL}, {PLAN}, {DEMONSTRATED} 0: raised ValueError" in report.table()
+
+
+def fastest_share(robot: Robot) -> float:
+    """The largest share of an FR3's speed limits in some of the skill's motions at full scale, by a planner's robot."""
+    settings = PlannerSettings(speed_scale=1.0, acceleration_scale=1.0)
+    planner = ReactivePlanner(Skill.load(WITH_STOPS), settings, robot=robot)
+    source, limits, shares = QuerySource.of(planner.skill), JointLimits.of(Robot.named("fr3")), []
+    for number in range(60):
+        query = source.drawn(number, 0)
+        if query.part in (INSIDE, OUTSIDE):
+            start, goal = query.start_pose, query.goal_pose
+            plan = planner.plan(start.position, start.quaternion, goal.position, goal.quaternion)
+            if plan.reference is not None:
+                shares.append(limit_shares(plan.reference, limits)[0])
+    assert len(shares) > 30
+    return max(shares)
+
+
+def test_at_full_scale_an_arm_keeps_its_limits_towards_stops_and_without_knowing_them_it_does_not() -> None:
+    """Were commands allowed all of an FR3's speed, which they are not."""
+    robot = Robot.named("fr3")
+    robot.largest_speed_scale = 1.0
+    assert fastest_share(robot) <= 1.0
+    robot.position_based_velocity = None
+    assert fastest_share(robot) > 1.0
+
+
+def test_motions_that_are_taken_over_keep_the_makers_limits() -> None:
+    report = Queries((WITH_STOPS,), 8, 1, takeovers=3, speed_scale=0.8, acceleration_scale=1.0).measure(Path())
+    own = [each for each in report.answers if each.request == TAKEOVER]
+    assert sum(each.motions for each in own) > 50
+    assert 0.7 < max(each.share for each in own) <= 1.00001
+    assert not [each for each in report.answers if each.code is None or each.violations]
+    assert report.as_dict()["motions"][f"{WITH_STOPS} {TAKEOVER}"][0] == sum(each.motions for each in own)
+
+
+def test_a_takeover_that_breaks_a_limit_is_counted() -> None:
+    """The planner does not know the limits of the arm by which it is judged."""
+    planner = ReactivePlanner(Skill.load(WITH_STOPS), PlannerSettings(speed_scale=0.8, acceleration_scale=1.0))
+    queries = QuerySource.of(planner.skill).demonstrated()[:2]
+    planner.robot.acceleration_limits = 0.1 * planner.robot.acceleration_limits
+    answers = answers_to(planner, queries[0], queries[1:])
+    assert {each.violations for each in answers} == {("breaks a limit",)}

@@ -15,6 +15,7 @@ from geodesic_motion_ros.robot.limits import JointLimits
 from geodesic_motion_ros.skill.skill import Skill
 from geodesic_motion_ros.trajectory.timing import tool_limit_ratio
 from geodesic_motion_ros.trajectory.trajectory import JointReference
+from geodesic_motion_ros.utils.errors import RobotError
 from test.planning.arm.conftest import Stream
 
 #: Of positions [rad], velocities and accelerations where one trajectory takes over from another.
@@ -237,3 +238,14 @@ def test_a_change_that_cannot_be_is_refused_and_changes_nothing(stream, changes,
     assert stream.planner.settings is before
     assert stream.planner.limits is limits_before
     assert stream.run(0.05)[-1].verdict.ok
+
+
+def test_an_arm_whose_servo_would_overshoot_its_limits_takes_no_larger_scale_at_start_nor_later():
+    skill = Skill.load("fr3_reach_to_grasp")
+    with pytest.raises(RobotError, match=r"speed_scale is 0\.9: it must be in \(0, 0\.8\]: above that a servo"):
+        ReactivePlanner(skill, PlannerSettings(speed_scale=0.9))
+    planner = ReactivePlanner(skill, PlannerSettings(speed_scale=0.8))
+    verdict = planner.change_settings(speed_scale=0.9)
+    assert verdict.code is VerdictCode.BAD_INPUT
+    assert "a servo that overshoots breaks limits at which the arm stops itself" in verdict.reason
+    assert planner.settings.speed_scale == 0.8
