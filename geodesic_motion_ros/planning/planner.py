@@ -64,7 +64,7 @@ class ReactivePlanner:
     frame, all times are of one clock, the caller's.
 
     The first calls of a process load compiled kernels, or compile them: its first ticks take seconds. Where that would
-    be too late call `warm_up.load_kernels(planner)` before the stream begins.
+    be too late call `kernels.loading.load_kernels(planner)` before the stream begins.
 
     Example
     -------
