@@ -61,6 +61,7 @@ from geodesic_motion_ros.robot.description import RobotDescription
 from geodesic_motion_ros.robot.robot_file import published_urdf
 from geodesic_motion_ros.simulation.loading import simulated_urdf
 from geodesic_motion_ros.simulation.scripted_spheres import ScriptedSpheres
+from geodesic_motion_ros.simulation.trajectory_player import JointWaypoints
 from geodesic_motion_ros.simulation.world import ArmWorld
 from geodesic_motion_ros.utils.errors import GeodesicMotionError, RobotError
 
@@ -121,7 +122,7 @@ class TwinNode(LoopingNode):
         # The same arm, by the names of messages.
         self._arm = self.world.robot.prefixed(values["joint_prefix"])
         self._spheres, self._spheres_start = ScriptedSpheres({}), 0.0
-        self._steps = self._contacts = 0
+        self._steps = self._contacts = self._discontinuities = 0
         self._touched: set[str] = set()
         self._least_clearance = np.inf
         self.refusals = RefusalLog(self.get_logger().warning)
@@ -155,6 +156,7 @@ class TwinNode(LoopingNode):
         self._obstacle_point = self.create_publisher(PointStamped, "obstacle_point", qos)
         self._clearance = self.create_publisher(Float64, "~/clearance", qos)
         self._contact_count = self.create_publisher(UInt32, "~/contacts", qos)
+        self._discontinuity_count = self.create_publisher(UInt32, "~/discontinuities", qos)
         self._image = self.create_publisher(Image, "~/image", qos)
         self._description = self.create_publisher(String, "robot_description", LATCHED)
         shown = simulated_urdf(RobotDescription.named(self._robot))
@@ -319,6 +321,7 @@ class TwinNode(LoopingNode):
             self._obstacle_point.publish(point_message(spheres[0][0], self._frame, stamp))
         self._clearance.publish(Float64(data=float(self._least_clearance)))
         self._contact_count.publish(UInt32(data=int(self._contacts)))
+        self._discontinuity_count.publish(UInt32(data=self._discontinuities))
         self._least_clearance = np.inf
 
     def _publish_image(self) -> None:
@@ -350,7 +353,19 @@ class TwinNode(LoopingNode):
         with self.refusals.guard(_TRAJECTORIES):
             waypoints = read_joint_trajectory(message, self._arm, self._options["joint_prefix"])
             begin = seconds(message.header.stamp) or None
-            self._ask(_Command(_TRAJECTORIES, partial(self.world.set_joint_trajectory, waypoints, begin)))
+            self._ask(_Command(_TRAJECTORIES, partial(self._follow, waypoints, begin)))
+
+    def _follow(self, waypoints: JointWaypoints, begin: float | None) -> None:
+        step = self.world.set_joint_trajectory(waypoints, begin)
+        if step is None:
+            return
+        self._discontinuities += 1
+        self.get_logger().warning(
+            f"{_TRAJECTORIES}: what is desired of '{self._arm.joint_names[step.joint]}' steps by "
+            f"{1000 * step.position:.2f} mrad and {step.velocity:.3f} rad/s as a trajectory takes over that came "
+            f"{1000 * step.late:.0f} ms after its begin: an arm whose own controller judges its commands stops here",
+            throttle_duration_sec=1.0,
+        )
 
     def _ask(self, command: _Command) -> None:
         with self._command_lock:
@@ -412,7 +427,7 @@ class TwinNode(LoopingNode):
     def _begin_anew(self) -> None:
         """What is still to be made up for was before."""
         self._spheres_start, self._stepped_until = self.world.time, self._time.running()
-        self._contacts, self._least_clearance = 0, np.inf
+        self._contacts, self._discontinuities, self._least_clearance = 0, 0, np.inf
         self._touched.clear()
 
 

@@ -20,8 +20,9 @@ Replacement", `Trajectory::sample` and `validate_trajectory_msg`):
 
 Stricter than the controller, for it would play what no arm should (here or in `nodes/messages.py`): numbers must be
 finite and positions inside the joints' limits, no joint comes twice, velocities and accelerations come at all waypoints
-or at none, accelerations with velocities only. Not there: tolerances that make the controller hold an arm that stays
-behind, goals of the action interface, partial trajectories, integration, scaled speed.
+or at none, accelerations with velocities only. And it tells where a takeover steps: the controller plays that, an arm
+whose own controller judges what it is sent stops (`Discontinuity`). Not there: tolerances that make the controller hold
+an arm that stays behind, goals of the action interface, partial trajectories, integration, scaled speed.
 """
 
 from __future__ import annotations
@@ -35,6 +36,35 @@ from geodesic_motion_ros.utils.errors import RobotError
 
 #: A last velocity [rad/s] up to this is rest: rounding of single precision, as the controller has it.
 REST = float(np.finfo(np.float32).eps)
+
+
+#: Steps of a takeover up to these, of position [rad] and velocity [rad/s], are none: a Franka Research 3 is commanded
+#: every millisecond, and lets accelerations of 10 rad/s^2 pass.
+CONTINUOUS = 1e-5, 1e-2
+
+
+@dataclass(frozen=True)
+class Discontinuity:
+    """A step of what is desired, where a trajectory takes over.
+
+    Attributes
+    ----------
+    joint : the one whose step is the largest, over `CONTINUOUS`. position, velocity : its steps [rad], [rad/s].
+    late : how long after its begin [s] the trajectory came; negative: before.
+    """
+
+    joint: int
+    position: float
+    velocity: float
+    late: float
+
+    @classmethod
+    def between(cls, before: np.ndarray, after: np.ndarray, late: float) -> Discontinuity | None:
+        """From what was desired (3, eta) to what is; None where that is continuous."""
+        steps = np.abs(after - before)[:2]
+        excess = np.max(steps / np.array(CONTINUOUS)[:, None], axis=0)
+        joint = int(np.argmax(excess))
+        return None if excess[joint] <= 1.0 else cls(joint, float(steps[0, joint]), float(steps[1, joint]), late)
 
 
 @dataclass(frozen=True)
@@ -130,8 +160,8 @@ class TrajectoryPlayer:
         self._positions = self._velocities = self._accelerations = np.empty((0, 2, len(positions)))
         self._last = np.stack([positions, velocities, np.zeros(len(positions))])
 
-    def replace(self, waypoints: JointWaypoints, begin: float | None, now: float) -> None:
-        """Play a trajectory that begins at `begin` from now on, or one that begins now (None).
+    def replace(self, waypoints: JointWaypoints, begin: float | None, now: float) -> Discontinuity | None:
+        """Play a trajectory that begins at `begin` from now on, or one that begins now (None); returns where it steps.
 
         Raises
         ------
@@ -141,8 +171,9 @@ class TrajectoryPlayer:
         late = now - begin - float(waypoints.times[-1])
         if late > 0.0:
             raise RobotError(f"the trajectory ends in the past, {late:.3f} s ago")
+        before = self.sample(now)
         if now - begin < waypoints.times[0]:
-            waypoints = waypoints.preceded_by(now - begin, self.sample(now))
+            waypoints = waypoints.preceded_by(now - begin, before)
         self._begin, self._times = begin, waypoints.times
         # in the one order in memory that the interpolation is compiled for
         self._positions, self._velocities, self._accelerations = (
@@ -150,6 +181,7 @@ class TrajectoryPlayer:
         )
         still = np.zeros_like(waypoints.positions[-1])
         self._last = np.stack([waypoints.positions[-1], still, still])
+        return Discontinuity.between(before, self.sample(now), now - begin)
 
     def overdue(self, now: float, timeout: float) -> bool:
         """Whether nothing new has come for longer than a `timeout` [s] since the trajectory ended; of none, never."""

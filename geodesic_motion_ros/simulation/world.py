@@ -23,7 +23,7 @@ from geodesic_motion_ros.simulation.joint_motion import JointMotion
 from geodesic_motion_ros.simulation.loading import load_arm, standing_beside, strengths
 from geodesic_motion_ros.simulation.physics_client import PhysicsClient
 from geodesic_motion_ros.simulation.target_stream import TargetStream
-from geodesic_motion_ros.simulation.trajectory_player import JointWaypoints, TrajectoryPlayer
+from geodesic_motion_ros.simulation.trajectory_player import Discontinuity, JointWaypoints, TrajectoryPlayer
 from geodesic_motion_ros.utils.errors import ParameterError, RobotError
 
 SMOOTH_SPHERE = Path(pybullet_data.getDataPath()) / "sphere_smooth.obj"  # of radius one
@@ -136,8 +136,9 @@ class ArmWorld:
         self._target.accept(position, quaternion, self.time)
         self._posture = posture
 
-    def set_joint_trajectory(self, waypoints: JointWaypoints, begin: float | None = None) -> None:
-        """Follow a joint trajectory from now on, by the rules of joint_trajectory_controller (`trajectory_player.py`).
+    def set_joint_trajectory(self, waypoints: JointWaypoints, begin: float | None = None) -> Discontinuity | None:
+        """Follow a joint trajectory from now on, by the rules of joint_trajectory_controller (`trajectory_player.py`);
+        returns where what is desired steps for that, None where it does not.
 
         What exceeds the arm's limits is followed as far as they allow, a jump too.
 
@@ -162,8 +163,9 @@ class ArmWorld:
         first = waypoints.positions[0]
         turns = self.robot.nearest_turn(first, self._motion.positions) - first
         waypoints = replace(waypoints, positions=waypoints.positions + turns)
-        player.replace(waypoints, begin, self.time + self.clock_offset)
+        step = player.replace(waypoints, begin, self.time + self.clock_offset)
         self._target = player
+        return step
 
     def begin_free_drive(self) -> None:
         """Compensate gravity and follow no target from now on: the arm goes where it is pulled (`free_drive.py`)."""

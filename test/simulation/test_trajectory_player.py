@@ -185,18 +185,38 @@ def test_a_reference_replanned_in_motion_is_played_without_a_leap() -> None:
     new = timed_joint_reference(np.array([state[0], [0.2, -1.2]]), latent, limits, state[1], state[2])
     sent = joined(old, old.times[12], new, old.times[15])
     player = TrajectoryPlayer(np.zeros(2), np.zeros(2))
-    player.replace(JointWaypoints(old.times, old.positions, old.velocities, old.accelerations), 100.0, 100.0)
+    waypoints = JointWaypoints(old.times, old.positions, old.velocities, old.accelerations)
+    assert player.replace(waypoints, 100.0, 100.0) is None
     now = 100.0 + old.times[12] + 0.013
     before = player.sample(now)
-    player.replace(
-        JointWaypoints(sent.times, sent.positions, sent.velocities, sent.accelerations), 100.0 + old.times[12], now
-    )
+    waypoints = JointWaypoints(sent.times, sent.positions, sent.velocities, sent.accelerations)
+    assert player.replace(waypoints, 100.0 + old.times[12], now) is None
     np.testing.assert_allclose(player.sample(now), before, atol=1e-8)
     switch = 100.0 + old.times[15]
     assert leap(player, switch, 0) < 1e-5
     assert leap(player, switch, 1) < 1e-4
     assert leap(player, switch, 2) < 1e-2
     np.testing.assert_allclose(player.sample(switch + new.duration)[0], [0.2, -1.2], atol=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("offset", "late", "steps"),
+    [(0.0, 0.0, False), (0.9e-5, 0.0, False), (1.1e-5, 0.0, True), (0.0, 0.09, True), (0.0, -0.05, False)],
+)
+def test_a_takeover_that_steps_is_found_with_joint_and_size(offset: float, late: float, steps: bool) -> None:
+    """A trajectory from rest, off by an offset, or received after its begin: then the arm is behind it at once."""
+    limits = JointLimits(np.full(2, -3.0), np.full(2, 3.0), np.full(2, 2.0), np.full(2, 8.0), np.full(2, 400.0))
+    start = np.array([0.0, offset])
+    motion = timed_joint_reference(np.array([start, [0.0, 1.0]]), np.zeros((2, 1)), limits)
+    player = TrajectoryPlayer(np.zeros(2), np.zeros(2))
+    waypoints = JointWaypoints(motion.times, motion.positions, motion.velocities, motion.accelerations)
+    found = player.replace(waypoints, STAMP, STAMP + late)
+    assert (found is not None) is steps
+    if found is not None:
+        at = np.stack(motion.sample(max(0.0, late)))
+        assert found.joint == 1
+        assert found.late == pytest.approx(late, abs=1e-6)
+        np.testing.assert_allclose([found.position, found.velocity], at[:2, 1], atol=1e-6)
 
 
 def test_the_order_in_memory_makes_no_difference_and_compiles_nothing_anew() -> None:

@@ -41,7 +41,7 @@ _LONGER = 3.0
 #: A sphere that no arm of ours reaches: where it is, and how fast [m], [m/s].
 _FAR, _FAR_VELOCITY = np.array([0.0, 0.0, 4.0]), np.array([0.1, 0.0, 0.0])
 #: How far a new start is from that of a motion, at most [rad], and how many spheres are new with it.
-_ASIDE, _NEW_SPHERES = 0.03, 2
+_NEW_START, _NEW_SPHERES = 0.03, 2
 #: How far a new goal is from the old one [m], [rad], and in which shares of a motion it is requested.
 _AWAY, _TURNED, _REDIRECTED = 0.02, 0.1, (0.2, 0.4, 0.6)
 #: Ticks that a reference to a new goal may take: the planner may stop first.
@@ -226,8 +226,8 @@ class MovingBench:
         """Request so many goals, each from another start among other spheres, and wait for the first answer to each."""
         limits = self.planner.limits
         for _ in range(count):
-            aside = motion.start + random.uniform(-_ASIDE, _ASIDE, len(motion.start))
-            start = np.clip(aside, limits.lower, limits.upper)
+            moved = motion.start + random.uniform(-_NEW_START, _NEW_START, len(motion.start))
+            start = np.clip(moved, limits.lower, limits.upper)
             goal = self._new_goal(motion, random)
             spheres = self.spheres(motion, _NEW_SPHERES, random).at(0.5 * motion.duration, motion.duration)
             plays, found = [], False
