@@ -86,8 +86,8 @@ class Requirements:
     later_stop: Margin
 
     def to_go_on(self, purpose: Purpose, optimistic: bool) -> Requirement:
-        """Return the requirement of a motion that is followed already, but of a stop: no contact, as to pass an
-        obstacle narrowly is better than to stop there.
+        """Return the requirement of a motion that is followed already, of every purpose but a stop: no contact, as to
+        pass an obstacle narrowly is better than to stop there.
         """
         begun = {
             Purpose.GOAL: self.optimistic if optimistic else self.goal, Purpose.EVASION: self.evasion,

@@ -38,8 +38,8 @@ LAG_STEP = 0.01
 
 # ------------------------------------------------------------------ when a path is searched again
 
-#: While the present path is free, a better one is searched once in this time [s]; so is an evasion path, or an
-#: approach, where none was found.
+#: While the present path is free, a better one is searched once in this time [s]; so is an
+#: evasion path where none was found, and an approach.
 SEARCH_PERIOD = 0.1
 #: A new path replaces a free one where the rest of the free one takes longer by this factor, from 1 on.
 WORTHWHILE_RATIO = 1.05
@@ -89,8 +89,8 @@ EVASION_NODES = 500
 EVASION_TARGETS = 4
 #: The directions of any two of them have no larger cosine than this.
 EVASION_COSINE = 0.7
-#: Where no place on the graph is free of what comes within this time [s], the tool is displaced by up to so much [m],
-#: or the arm swivels by up to so much [rad].
+#: Where the search of a place on the graph failed, and an obstacle meets the arm within this time [s], the tool is
+#: displaced by up to so much [m], or the arm swivels by up to so much [rad].
 EVASION_DISPLACED_WITHIN, EVASION_DISPLACEMENT, EVASION_SWIVEL = 0.6, 0.15, 0.6
 #: So many of these targets are tried.
 EVASION_DISPLACED = 3
@@ -172,7 +172,7 @@ Avoid = Literal["arm", "tool"]
 Unseen = Literal["free", "blocked"]
 
 
-#: Settings that may change while the arm moves (`planner.ReactivePlanner.change_settings`).
+#: Settings that may change while the arm moves (`ReactivePlanner.change_settings`).
 CHANGEABLE = (
     "obstacle_margin", "obstacle_position_error", "speed_scale", "acceleration_scale", "speed", "angular_speed",
     "acceleration",

@@ -134,6 +134,7 @@ class DetourPlanner:
         several = len(self._spread.covariances) > 1
         frames: dict[int, DetourFrame] = {}
         refusal: Refusal | None = None
+        # In one mode the geodesic without obstacles serves.
         for among in (obstacles, Obstacles.none()) if several else (Obstacles.none(),):
             base = self._solver.base_path(query, among)
             if isinstance(base, Refusal):
@@ -141,8 +142,7 @@ class DetourPlanner:
                 continue
             progress, shares = self._solver.graph.progress_map(base.latent)
             mode = demonstrated_mode(shares)
-            covariances = query.turned_to_base(self._spread.at(progress, mode))
-            # In one mode the geodesic without obstacles serves.
+            covariances = query.turn_to_base(self._spread.at(progress, mode))
             frames[mode] = DetourFrame.of_base_path(self._solver.robot, base.configurations, base.latent, covariances)
         if frames or refusal is None:
             return list(frames.values())

@@ -50,8 +50,8 @@ class PlayedTrajectory:
         return self.certifier.sweep(self.reference)
 
     def switch_time(self, earliest: float) -> float:
-        """Return when another one takes over, at or after a time [s]: no nearer to the knot before than may be, and at
-        a knot that would follow at once.
+        """Return when another trajectory takes over, at or after a time [s]: no nearer to the knot before than may be,
+        and at a knot that would follow at once.
         """
         if earliest >= self.end:
             return earliest
@@ -73,7 +73,7 @@ class PlayedTrajectory:
         return float(knots[max(0, int(np.searchsorted(knots, time, side="right")) - 1)])
 
     def state_at_switch(self, earliest: float, followed: FollowedPlan | None) -> MotionState:
-        """Return in what state another one takes over, at or after a time [s]; with a latent point where it is
+        """Return in what state another trajectory takes over, at or after a time [s]; with a latent point where it is
         followed.
         """
         time = self.switch_time(earliest)
@@ -84,7 +84,8 @@ class PlayedTrajectory:
 
 @dataclass(frozen=True)
 class FollowedPlan:
-    """The plan behind the trajectory that is being played: its purpose, query and path, and when it was last judged.
+    """The plan behind the trajectory that is being played: its purpose, query and path, and when a better one was last
+    searched.
 
     Attributes
     ----------

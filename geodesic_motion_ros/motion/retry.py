@@ -35,7 +35,7 @@ class Question:
     about : the query, or the goal, that is searched for: another object is another question.
     obstacles : among which it is searched.
     position : (eta,) where the arm stands [rad]; None: it moves, and each place has the same answer.
-    extent : how far the search looks: a horizon [s] or a reach [m].
+    extent : how far the search looks: the reach of a detour [m].
     """
 
     about: object

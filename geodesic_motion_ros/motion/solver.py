@@ -1,6 +1,6 @@
 """Solver: one query -> a certified joint reference and its verdict. Knows nothing of ROS.
 
-Reweight, search, refine, smooth, decode, transport, time, certify: the work of a tick of `planner.ReactivePlanner` in
+Reweight, search, refine, smooth, decode, transport, time, certify: the work of a tick of `planning.planner` in
 which the trajectory cannot stay.
 """
 

@@ -1,4 +1,4 @@
-"""Stream: the trajectories that an arm plays, each of which takes over from the one before. It certifies nothing.
+"""Stream: the trajectories that an arm plays, each of which takes over from the one before. They come certified.
 
 A new trajectory repeats the old one until it takes over, and is continuous with it in position, velocity and
 acceleration; every one ends at rest.
@@ -39,15 +39,15 @@ class Stream:
         self._played_before: PlayedTrajectory | None = None
 
     def stand(self, trajectory: JudgedTrajectory, now: float) -> None:
-        """Begin anew: the arm stands where a trajectory stands, from `now` [s] on."""
+        """Let the stream begin anew: the arm stands where a trajectory stands, from `now` [s] on."""
         self.forget()
         self.played = PlayedTrajectory(trajectory, now, self._certifier)
 
     def take_certifier(self, certifier: ArmCertifier) -> None:
-        """Certify what is played from now on by another certifier."""
+        """Use another certifier for what is played from now on."""
         self._certifier = certifier
 
-    def certify_anew(self, trajectory: JudgedTrajectory) -> None:
+    def replace_certificate(self, trajectory: JudgedTrajectory) -> None:
         """Replace the certificate of what is being played."""
         assert self.played is not None
         self.played = PlayedTrajectory(trajectory, self.played.begin, self._certifier)

@@ -61,7 +61,7 @@ class GuardedArm:
         solver = Solver(old.skill, old.graph, settings, old.robot, collision, self._limits(settings), old.scene)
         return replace(
             self, objects=tuple(objects), collision=collision, solver=solver,
-            queries=self.queries.guarding(collision, settings), detours=self.detours.with_solver(solver),
+            queries=self.queries.guard(collision, settings), detours=self.detours.with_solver(solver),
         )  # fmt: skip
 
     def _limits(self, settings: PlannerSettings) -> JointLimits:
@@ -93,7 +93,7 @@ class GuardedArm:
         smoothly; a new one where the arm is at an end of its path.
         """
         if followed is not None and state.latent is not None:
-            query = self.queries.redirected(followed.query, state.position, state.latent, goal)
+            query = self.queries.redirect(followed.query, state.position, state.latent, goal)
             if query is not None:
                 return query
         return self.queries.build(state.position, goal)
@@ -137,7 +137,7 @@ class GuardedArm:
             return self.find_detour(query, obstacles, request.reach)
         here = None
         if latent is not None:
-            here = self.queries.redirected(query, request.position, latent, request.goal)
+            here = self.queries.redirect(query, request.position, latent, request.goal)
         here = here or self.queries.build(request.position, request.goal)
         return here if isinstance(here, Refusal) else self.find_detour(here, obstacles, request.reach)
 

@@ -73,7 +73,7 @@ class AttemptMemory:
     ----------
     without_path : the query for which the last search found no path; None: it found one. refusal : why it found none.
     attempted : the number of the last attempt with that query (`choose_attempts`).
-    blocked : the attempts that need not be repeated; None: obstacles have moved since, or the arm follows a path.
+    blocked : the attempts that need not be repeated; None: obstacles or the arm have moved since, or it follows a path.
     past_searches : the last of evasions that found none, and of approaches, by the names of their requirements.
     blocked_since : since when the arm has had no path [s].
     detour : the last one that was searched.
@@ -153,7 +153,7 @@ class AttemptMemory:
         since = min(self.blocked_since, situation.now)
         return replace(self, without_path=query, refusal=plan.refusal, blocked=still, blocked_since=since)
 
-    def interrupt(self, verdict: Refusal) -> AttemptMemory:
+    def repeat_all(self, verdict: Refusal) -> AttemptMemory:
         """Return the memory after a tick that had no time for the approach that a verdict asks for: all is attempted
         again.
         """

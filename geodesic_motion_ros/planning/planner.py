@@ -355,7 +355,7 @@ class ReactivePlanner:
             load_references(changed.solver.limits, changed.solver.tool)
         query = before
         if before is not None and (objects is not None or settings.obstacle_margin != self.settings.obstacle_margin):
-            rebuilt = changed.queries.rebuilt(before)
+            rebuilt = changed.queries.rebuild(before)
             query = None if isinstance(rebuilt, Refusal) else rebuilt
         return PreparedArm(changed, before, query)
 
@@ -381,7 +381,7 @@ class ReactivePlanner:
         played, followed = self._stream.played, self._stream.followed
         self._stream.take_certifier(solver.certifier)
         if played is not None:
-            self._stream.certify_anew(self._judged(played.reference, played.begin))
+            self._stream.replace_certificate(self._judged(played.reference, played.begin))
         if followed is not None:
             same = query if followed.query is prepared.before and query is not None else followed.query
             outdated = followed.outdated or solver.settings != before.settings
@@ -471,8 +471,8 @@ class ReactivePlanner:
 
         The verdict is DEADLINE_MISSED where
 
-        - `deadline` left no time for every attempt: the arm stops along its path, or goes on evading as long as
-          that is free, and the next ticks make the others;
+        - `deadline` left no time for every attempt: the arm stops along its path, and the next ticks make the others.
+          An arm that evades goes on as long as that is free, with the verdict that it has;
         - `handover_deadline` had passed when a trajectory was found, which would take over in the past: a path that is
           still free, to the goal or evading, stays. Without one the plan has no trajectory, and `stop` is to be called.
 

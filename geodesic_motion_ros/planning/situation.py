@@ -162,9 +162,9 @@ class Situation:
 
     # ------------------------------------------------------------- assessments
 
-    def meets_without_evasion(self, required: Requirement) -> bool:
-        """Whether an arm that does not evade meets the requirement of an evasion: one that stops on a path to the goal
-        or to near it, or else plays what it plays.
+    def satisfies_without_evasion(self, required: Requirement) -> bool:
+        """Whether an arm that does not evade satisfies the requirement of an evasion: one that stops on a path to the
+        goal or to near it, or else plays what it plays.
         """
         # A tick asks this when it chooses its attempts, and again where it evades.
         if required not in self._met_without_evasion:

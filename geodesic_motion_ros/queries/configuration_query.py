@@ -77,7 +77,7 @@ class ConfigurationLift:
         decoded = query.decoded.decoder.configurations(latent)
         return query.offsets.carried(decoded, *query.decoded.progress_map(latent))
 
-    def turned_to_base(self, covariances: np.ndarray) -> np.ndarray:
+    def turn_to_base(self, covariances: np.ndarray) -> np.ndarray:
         return covariances
 
 
@@ -199,7 +199,7 @@ class ConfigurationQueryBuilder(QueryBuilder[np.ndarray]):
 
     # -------------------------------------------------------------- postures
 
-    def rebuilt(self, query: ArmQuery) -> ArmQuery:
+    def rebuild(self, query: ArmQuery) -> ArmQuery:
         rebuilt = self._between(*query.ends, query.task_start, query.along_mean_paths)
         return replace(rebuilt, displaced=query.displaced, lift=query.lift)
 

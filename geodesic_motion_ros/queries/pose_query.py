@@ -124,7 +124,7 @@ class PostureLift:
         path = solve_beside(self.robot, positions, quaternions, start, self.posture, _tau(query, progress))
         return path.refusal(self.robot) or path.configurations
 
-    def turned_to_base(self, covariances: np.ndarray) -> np.ndarray:
+    def turn_to_base(self, covariances: np.ndarray) -> np.ndarray:
         return self.frame.covariances_to_base(covariances)
 
 
@@ -201,7 +201,7 @@ class PoseQueryBuilder(QueryBuilder[Pose]):
 
     # -------------------------------------------------------------- postures
 
-    def rebuilt(self, query: ArmQuery) -> ArmQuery | Refusal:
+    def rebuild(self, query: ArmQuery) -> ArmQuery | Refusal:
         lift = _lift_of(query)
         return self._in_posture(self._as_poses(query), lift.frame, query.start, lift.swivel)
 
@@ -211,11 +211,16 @@ class PoseQueryBuilder(QueryBuilder[Pose]):
         return None if isinstance(found, Refusal) else found
 
     def first_posture(self, query: ArmQuery) -> ArmQuery:
-        """The same query in the posture that follows from the start by steps of least norm, or the next that serves."""
+        """Return the query in the posture that follows from the start by steps of least norm, or in the next that
+        serves; itself, where it is in that.
+        """
         lift = _lift_of(query)
-        found = self._held(self._as_poses(query), lift.frame, query.start) if lift.swivel else query
+        if lift.swivel == 0:
+            return query
+        found = self._held(self._as_poses(query), lift.frame, query.start)
         assert not isinstance(found, Refusal)
-        return found
+        # What has been tried on a query is known of that one alone.
+        return query if _lift_of(found).swivel == lift.swivel else found
 
     def _as_poses(self, query: ArmQuery) -> Query[Pose]:
         """The query as it was before the arm held it."""

@@ -48,11 +48,12 @@ Output = TypeVar("Output")
 
 
 class AlongMeanPaths(NamedTuple):
-    """The mean paths of a query, and what they change; None and None where they are not used.
+    """The mean paths of a query, and what they change.
 
     Attributes
     ----------
-    corrections : (K, S, k) of the decoder along them. conformal : (n,) factors of the nodes.
+    corrections : (K, S, k) of the decoder along them; zeros where they are not used.
+    conformal, mean_paths : (n,) factors of the nodes, and the paths themselves; None where they are not used.
     """
 
     corrections: np.ndarray
@@ -109,7 +110,7 @@ class Lift(Protocol):
         """As of `Query`."""
         ...
 
-    def turned_to_base(self, covariances: np.ndarray) -> np.ndarray:
+    def turn_to_base(self, covariances: np.ndarray) -> np.ndarray:
         """As of `Query`."""
         ...
 
@@ -130,7 +131,7 @@ class Query(Generic[Output]):
     cost_limit : paths that cost more count as blocked.
     misfits : the endpoint errors, how far both ends are moved, under their names in `Figures`.
     task_start : (k,) offset of the task's start from the demonstrated mean, wherever on the path the query begins.
-    along_mean_paths : corrections and conformal factors for it and for that of the goal.
+    along_mean_paths : corrections and conformal factors for `task_start` and the offset of the task's goal.
     lift : what gives it its configurations; None: no arm holds it.
     displaced : how far the tool was from the graph of the query before this one, as this one began [m]; 0: there was
         none.
@@ -164,23 +165,24 @@ class Query(Generic[Output]):
         return self.ends[1].node
 
     def displaced_at(self, progress: np.ndarray) -> float:
-        """The rest of `displaced` [m] at a progress (1,): it fades towards the goal, as the offset of the start."""
+        """Return the rest of `displaced` [m] at a progress (1,): it fades towards the goal, as the offset of the start.
+        """
         return self.displaced * (1.0 - float(self.offsets.blended(progress)[0]))
 
     def configurations_along(self, latent: np.ndarray, start: np.ndarray) -> np.ndarray | Refusal:
-        """Configurations (m, eta) of a latent curve (m, d), the first of them near a configuration (eta,); or where and
-        why the arm cannot hold it.
+        """Return configurations (m, eta) of a latent curve (m, d), the first of them near a configuration (eta,); or
+        where and why the arm cannot hold it.
         """
         assert self.lift is not None
         return self.lift.configurations_along(self, latent, start)
 
-    def turned_to_base(self, covariances: np.ndarray) -> np.ndarray:
-        """Covariances (m, 3, 3) of positions in the frame of the skill, in the base frame."""
+    def turn_to_base(self, covariances: np.ndarray) -> np.ndarray:
+        """Return covariances (m, 3, 3) of positions in the frame of the skill, in the base frame."""
         assert self.lift is not None
-        return self.lift.turned_to_base(covariances)
+        return self.lift.turn_to_base(covariances)
 
 
-#: The query that a solver plans for: its ends and its nodes are configurations of an arm.
+#: The query that a solver plans for: start, goal and nodes are configurations of an arm.
 ArmQuery = Query[np.ndarray]
 #: The query of a tool that no arm holds.
 PoseQuery = Query[Pose]
@@ -229,8 +231,9 @@ ArmGoal = Goal[Any]
 def edges_in_scene(
     scene: DeclaredScene, graph: WeightedGraph, body: NodeBody, start_node: int, goal_node: int, margin: float
 ) -> np.ndarray:
-    """Mask (m,) of the edges at nodes where a body is nearer to a scene than a margin [m], or where that is less, than
-    half of what it keeps at both ends; or deeper in it than at the goal, where that is inside: to be approached.
+    """Return a mask (m,) of the edges at nodes where a body is nearer to a scene than a margin [m], or where that is
+    less, than half of what it keeps at both ends; or deeper in it than at the goal, where that is inside: to be
+    approached.
     """
     if not scene.names:
         return np.zeros(len(graph.edges), dtype=bool)
@@ -276,8 +279,8 @@ class QueryBuilder(ABC, Generic[Output]):
         self._unmoved = self._unmoved_lengths(self._unconditioned[1])
         self._demonstrated_cost = self._cost_of_demonstration()
 
-    def guarding(self, collision: CollisionModel, settings: PlannerSettings) -> QueryBuilder[Output]:
-        """The builder of the arm with other spheres, and with other settings."""
+    def guard(self, collision: CollisionModel, settings: PlannerSettings) -> QueryBuilder[Output]:
+        """Return the builder of the arm with other spheres, and with other settings."""
         other = copy(self)
         other._collision, other._links, other._settings = collision, LinkBounds.of(collision), settings
         return other
@@ -286,58 +289,60 @@ class QueryBuilder(ABC, Generic[Output]):
 
     @abstractmethod
     def goal_by_pose(self, pose: Pose, frame: TaskFrame) -> Goal[Output] | Refusal:
-        """The goal of a tool pose of the base frame; frame : the task frame. Or why it is refused."""
+        """Return the goal of a tool pose of the base frame, or why it is refused; frame : the task frame."""
 
     @abstractmethod
     def goal_by_configuration(self, configuration: np.ndarray, frame: TaskFrame) -> Goal[Output] | Refusal:
-        """The goal of a configuration (eta,) [rad]; frame : the task frame. Or why it is refused."""
+        """Return the goal of a configuration (eta,) [rad], or why it is refused; frame : the task frame."""
 
     @abstractmethod
     def goal_in_place(self, pose: Pose, frame: TaskFrame, standing: np.ndarray) -> Goal[Output] | None:
-        """The goal in the configuration (eta,) in which the arm stands, where that serves for a pose; None else."""
+        """Return the goal in the configuration (eta,) in which the arm stands, where that serves for a pose; None else.
+        """
 
     @abstractmethod
     def start_by_pose(self, pose: Pose, commanded: np.ndarray | None = None) -> np.ndarray | Refusal:
-        """The configuration (eta,) in which a plan from a tool pose begins, of an arm with a commanded one."""
+        """Return the configuration (eta,) in which a plan from a tool pose begins, of an arm with a commanded one."""
 
     @abstractmethod
     def in_turn(self, configuration: np.ndarray) -> np.ndarray:
-        """A configuration (eta,) with its continuous joints in the turn in which the skill has them."""
+        """Return a configuration (eta,) with its continuous joints in the turn in which the skill has them."""
 
     # -------------------------------------------------------------- queries
 
     def build(self, start: np.ndarray, goal: Goal[Output]) -> ArmQuery | Refusal:
-        """The query from a configuration (eta,) to a goal, or why there is none."""
+        """Build the query from a configuration (eta,) to a goal; or say why there is none."""
         found = self.transport(self._output(start, goal.frame), goal.outputs)
         return found if isinstance(found, Refusal) else self._held(found, goal.frame, start)
 
-    def redirected(
+    def redirect(
         self, query: ArmQuery, start: np.ndarray, latent: np.ndarray, goal: Goal[Output]
     ) -> ArmQuery | Refusal | None:
-        """The query that goes on from a configuration on the path of an older one, at its latent point, to a new goal.
+        """Build the query that goes on from a configuration on the path of an older one, at its latent point (d,), to a
+        new goal.
 
         None where the latent point is not connected to any node: then the query has to be built anew.
         """
-        found = self._redirected(query, self._output(start, goal.frame), latent, goal.outputs)
+        found = self._redirect(query, self._output(start, goal.frame), latent, goal.outputs)
         return found if found is None or isinstance(found, Refusal) else self._held(found, goal.frame, start)
 
     @abstractmethod
     def other_posture(self, query: ArmQuery) -> ArmQuery | None:
-        """The same query in the next posture in which the arm can hold it; None where none is left."""
+        """Return the query in the next posture in which the arm can hold it; None where none is left."""
 
     @abstractmethod
     def first_posture(self, query: ArmQuery) -> ArmQuery:
-        """The same query in the first posture in which the arm can hold it."""
+        """Return the query in the first posture in which the arm can hold it: itself, where it is in that."""
 
     @abstractmethod
-    def rebuilt(self, query: ArmQuery) -> ArmQuery | Refusal:
-        """The query of a builder that guards other spheres, with the spheres of this one."""
+    def rebuild(self, query: ArmQuery) -> ArmQuery | Refusal:
+        """Build the query of a builder that guards other spheres anew, with the spheres of this one."""
 
     # ------------------------------------------------- in the skill's space
 
     def goal_refusal(self, goals: Sequence[Output]) -> Refusal | None:
-        """Why none of several goals lies close enough to what was demonstrated, or to some trusted node; None where one
-        does.
+        """Return why none of several goals lies close enough to what was demonstrated, or to some trusted node; None
+        where one does.
         """
         pieces = self._graph.pieces_with_demonstrations()
         ends = [end for goal in goals for piece in pieces if (end := self._end("goal", goal, piece)) is not None]
@@ -365,10 +370,10 @@ class QueryBuilder(ABC, Generic[Output]):
             here, there, here.task_offset, self._chosen_mean_paths(here.task_offset, there.task_offset)
         )
 
-    def _redirected(
+    def _redirect(
         self, query: Query[Any], start: Output, latent: np.ndarray, goals: Sequence[Output]
     ) -> Query[Output] | Refusal | None:
-        """As `redirected`, not held by an arm yet."""
+        """As `redirect`, not held by an arm yet."""
         piece = int(self._graph.component[query.goal_node])
         node = self._graph.node_near(latent, self._graph.component == piece, 1)
         if node is None:

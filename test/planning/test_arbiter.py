@@ -79,7 +79,7 @@ class Postures:
     def build(self, position: np.ndarray, goal: object) -> SimpleNamespace | Refusal:
         return self.refusal or query_at(position)
 
-    def redirected(self, *_: object) -> None:
+    def redirect(self, *_: object) -> None:
         return None
 
     def first_posture(self, query: SimpleNamespace) -> SimpleNamespace:

@@ -105,6 +105,16 @@ def test_another_posture_holds_the_same_poses_and_there_are_not_more_than_five(b
     assert builder.first_posture(seen[-1]).lift.swivel == 0
 
 
+def test_a_query_in_the_first_posture_that_serves_is_that_of_its_first_posture(builder, monkeypatch) -> None:
+    """Where the first swivel cannot be held too: what has been tried on a query is known of that object alone."""
+    query = built(builder)
+    assert builder.first_posture(query) is query
+    monkeypatch.setattr("geodesic_motion_ros.contract.settings.SWIVELS", (9.0, 0.0))
+    second = built(builder)
+    assert second.lift.swivel == 1
+    assert builder.first_posture(second) is second
+
+
 def test_a_start_from_which_the_path_cannot_be_followed_is_refused_with_place_and_reason(builder, planner) -> None:
     """The hand is turned as far as its joint goes; the demonstrated path turns it farther."""
     goal, robot = builder.goal_by_pose(GOAL, HOME), planner.robot

@@ -1,3 +1,3 @@
-"""The reactions of an arm without a path to its goal: one proposer a file. They do not know each other; `arbiter.py`
-ranks them.
+"""The reactions of an arm without a path to its goal, each with what keeps it up, a file for each kind. They do not
+know each other; `arbiter.py` ranks them.
 """

@@ -41,7 +41,7 @@ class Approach(Proposer):
         if not self._serves(turn) or not is_due(memory.past_searches.get(APPROACH), *self._asking(turn)):
             return turn
         if situation.deadline.passed:
-            return replace(turn, memory=memory.interrupt(turn.verdict))
+            return replace(turn, memory=memory.repeat_all(turn.verdict))
         followed = situation.followed
         remaining = followed.remaining if followed is not None and followed.query is query else math.inf
         found = approach_to_covered(
@@ -50,7 +50,7 @@ class Approach(Proposer):
         )  # fmt: skip
         if situation.handover_deadline.passed or (found is None and situation.deadline.passed):
             # An approach that was not found for want of time, or too late, is searched again.
-            return replace(turn, memory=memory.interrupt(turn.verdict))
+            return replace(turn, memory=memory.repeat_all(turn.verdict))
         question, now, _ = self._asking(turn)
         plan = None if found is None else situation.require_a_stop(found.plan)
         memory = replace(memory, past_searches={**memory.past_searches, APPROACH: PastSearch(question, now)})

@@ -24,7 +24,7 @@ ON_GRAPH, BESIDE_GRAPH = "evasion", "beside_graph"
 
 
 class KeptEvasion(Proposer):
-    """A proposer of going on to evade, where there is no time to search another path, as long as that is free."""
+    """A proposer of going on to evade in a tick that has no time to search a path, as long as that is free."""
 
     def propose(self, turn: Turn) -> Turn:
         """Propose to go on."""
@@ -35,7 +35,7 @@ class KeptEvasion(Proposer):
 
 @dataclass(frozen=True)
 class Evasion(Proposer):
-    """A proposer of making room, where an obstacle meets an arm that does not.
+    """A proposer of making room, where an obstacle would meet an arm that does not evade.
 
     on_graph, beside_graph : what finds the motions there.
     """
@@ -87,7 +87,7 @@ def _assessed(turn: Turn, searches: Mapping[str, PastSearch]) -> tuple[bool, str
 
     | answer | meaning |
     |---|---|
-    | True, None | no obstacle meets the arm where it stops or stands |
+    | True, None | no obstacle meets the arm where it stops or stands, or none so soon that it would leave the graph |
     | False, ON_GRAPH | search a place on the graph |
     | False, BESIDE_GRAPH | that failed less than `SEARCH_PERIOD` ago: search one beside it, if the arm may leave it |
     | False, None | both failed then, or evasion is no answer to this verdict, or all obstacles stand: search nothing |
@@ -101,7 +101,7 @@ def _assessed(turn: Turn, searches: Mapping[str, PastSearch]) -> tuple[bool, str
     question = Question(turn.query, situation.obstacles)
     for name in (ON_GRAPH, BESIDE_GRAPH) if situation.reach > 0.0 else (ON_GRAPH,):
         required: Requirement = getattr(situation.requirements, name)
-        if situation.meets_without_evasion(required):
+        if situation.satisfies_without_evasion(required):
             return True, None
         if is_due(searches.get(name), question, situation.now, constants.SEARCH_PERIOD):
             return False, name

@@ -1,4 +1,4 @@
-"""Turn, which is what a proposer knows of a tick, and what the proposers before it came to."""
+"""Proposer, which proposes one kind of motion, and Turn: what it knows of a tick, and what those before it came to."""
 
 from __future__ import annotations
 
