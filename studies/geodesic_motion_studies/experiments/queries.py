@@ -277,11 +277,13 @@ def _taken_over(planner: ReactivePlanner, query: Query, others: Sequence[Query])
                 motions.append(plan.reference)
                 if plan.verdict.ok:
                     break
-    share = max((_largest_share(motion, limits) for motion in motions), default=0.0)
-    if share > 1.0 + _ROUNDING or not all(motion.keeps(planner.limits) for motion in motions):
+    # The first one is that of the tick.
+    taken = motions[1:]
+    share = max((_largest_share(motion, limits) for motion in taken), default=0.0)
+    if share > 1.0 + _ROUNDING or not all(motion.keeps(planner.limits) for motion in taken):
         violations.append("breaks a limit")
     name = planner.skill.name
-    return Answer(name, TAKEOVER, query, verdict.code, verdict.reason, tuple(violations), len(motions), share)
+    return Answer(name, TAKEOVER, query, verdict.code, verdict.reason, tuple(violations), len(taken), share)
 
 
 def _largest_share(motion: JointReference, limits: JointLimits) -> float:
