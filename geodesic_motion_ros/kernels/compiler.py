@@ -13,8 +13,8 @@ from numba.core import event
 from numba.core.dispatcher import Dispatcher
 
 PACKAGE = __package__.partition(".")[0]
-#: A shipped skill of each kind.
-SKILLS = "panda_pouring", "panda_reach_to_grasp"
+#: A shipped skill of each kind, and one of an arm whose speeds are limited towards its stops.
+SKILLS = "panda_pouring", "panda_reach_to_grasp", "fr3_reach_to_grasp"
 
 
 class _Printer(event.Listener):
@@ -31,7 +31,7 @@ class _Printer(event.Listener):
 
 
 def call_kernels() -> None:
-    """Call the kernels of a planner of each kind."""
+    """Call the kernels of planners of all kinds."""
     # Kernels with a signature are compiled where their module is imported.
     from geodesic_motion_ros.certification.declared_scene import DeclaredScene
     from geodesic_motion_ros.contract.settings import PlannerSettings
