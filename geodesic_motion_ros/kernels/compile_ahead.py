@@ -24,8 +24,12 @@ from pathlib import Path
 
 from geodesic_motion_ros.utils.cache import PACKAGE, cache_folder, machine
 
-#: The folders of the package that have kernels of planners, and about how many there are.
-_FOLDERS, _ABOUT = ("geometry", "manifold", "obstacles", "planning", "robot", "trajectory"), 175
+#: The folders of the package that have kernels of planners or call them, and about how many kernels there are.
+FOLDERS = (
+    "certification", "detours", "geometry", "kernels", "manifold", "motion", "obstacles", "planning", "queries", "robot",
+    "trajectory",
+)  # fmt: skip
+_ABOUT = 180
 #: Between two lines about the progress [s].
 _SAID_EVERY = 1.0
 
@@ -56,7 +60,7 @@ def compile_kernels(report: Callable[[str], None] = say) -> None:
 
 def _fingerprint() -> str:
     """Of all that numba's cache depends on: the files with kernels, the versions, the processor."""
-    sources = sorted(file for folder in _FOLDERS for file in (PACKAGE / folder).glob("*.py"))
+    sources = sorted(file for folder in FOLDERS for file in (PACKAGE / folder).glob("*.py"))
     stamps = [(stat.st_mtime_ns, stat.st_size) for stat in (file.stat() for file in sources)]
     return hashlib.sha256(repr((stamps, machine("numba", "llvmlite", variables=("NUMBA_",)))).encode()).hexdigest()
 

@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 
 import geodesic_motion_ros
-from geodesic_motion_ros.kernels.compile_ahead import compile_kernels
+from geodesic_motion_ros.kernels.compile_ahead import FOLDERS, compile_kernels
 
 #: Prints the kernels that a planner of a skill compiles.
 COMPILED = """
@@ -49,12 +49,20 @@ def call_kernels() -> None:
 """
 
 
-@pytest.mark.parametrize("skill", ["panda_insertion", "ur5_reach"])
+@pytest.mark.parametrize("skill", ["panda_insertion", "ur5_reach", "iiwa14_reach_to_grasp"])
 def test_planners_of_other_skills_need_no_other_kernels(skill: str) -> None:
     compile_kernels()
     done = subprocess.run([sys.executable, "-c", COMPILED, skill], capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
     assert done.stdout == ""
+
+
+def test_every_folder_with_kernels_of_a_planner_is_looked_at_for_changes() -> None:
+    package = Path(geodesic_motion_ros.__path__[0])
+    files = [file for file in package.rglob("*.py") if "@numba.njit" in file.read_text()]
+    with_kernels = {file.relative_to(package).parts[0] for file in files}
+    # The paper's planner compiles its own as it starts.
+    assert with_kernels - {"paper"} <= set(FOLDERS) <= {folder.name for folder in package.iterdir()}
 
 
 @pytest.fixture
