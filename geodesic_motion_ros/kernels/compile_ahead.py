@@ -26,10 +26,10 @@ from geodesic_motion_ros.utils.cache import PACKAGE, cache_folder, machine
 
 #: The folders of the package that have kernels of planners or call them, and about how many kernels there are.
 FOLDERS = (
-    "certification", "detours", "geometry", "kernels", "manifold", "motion", "obstacles", "planning", "queries", "robot",
-    "trajectory",
+    "certification", "detours", "geometry", "kernels", "manifold", "motion", "obstacles", "planning", "queries",
+    "robot", "trajectory",
 )  # fmt: skip
-_ABOUT = 180
+ABOUT = 180
 #: Between two lines about the progress [s].
 _SAID_EVERY = 1.0
 
@@ -107,7 +107,7 @@ def _compile(report: Callable[[str], None]) -> list[str] | None:
                 kernels += 1
                 if time.monotonic() - said >= _SAID_EVERY:
                     said = time.monotonic()
-                    report(f"compiling kernels, once: {kernels} of about {max(_ABOUT, kernels)}")
+                    report(f"compiling kernels, once: {kernels} of about {max(ABOUT, kernels)}")
         except BaseException:
             process.kill()
             raise
