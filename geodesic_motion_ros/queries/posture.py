@@ -364,16 +364,16 @@ def _solve_path(
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     count, joints = len(positions), len(start)
     found, nulls, reached = np.empty((count, joints)), np.zeros((count, joints)), np.zeros(count, dtype=np.bool_)
-    q, null = start.copy(), np.zeros(joints)
+    q = start.copy()
+    null = _null_vector(q, np.zeros(joints), chain)
     for i in range(count):
-        null = _null_vector(q, null, chain)
         before = q.copy()
         solved = solve_displaced(positions[i], quaternions[i], null, before, steps[i], q, chain)
         if not solved:
             q[:] = before
         reached[i] = solved and _inside(q, lower, upper)
-        found[i] = q
-        nulls[i] = _null_vector(q, null, chain)
+        null = _null_vector(q, null, chain)
+        found[i], nulls[i] = q, null
     return found, nulls, reached
 
 
