@@ -10,7 +10,7 @@ import numpy as np
 
 from geodesic_motion_ros.geometry.quaternions import angle_between
 from geodesic_motion_ros.nodes.arm_watch import REST_TIME
-from geodesic_motion_ros.nodes.cycle import CycleInputs, CycleOutput, Pose
+from geodesic_motion_ros.nodes.cycle import CycleInputs, CycleOutput, PoseArrays
 from geodesic_motion_ros.nodes.deviation import has_pose_moved
 
 
@@ -20,12 +20,12 @@ class ArrivalWatch:
     It rests at the end of its path once its tool has stayed near one place for REST_TIME.
     """
 
-    def __init__(self, forward: Callable[[np.ndarray], Pose], tool_poses: Callable[[Any], Pose]) -> None:
+    def __init__(self, forward: Callable[[np.ndarray], PoseArrays], tool_poses: Callable[[Any], PoseArrays]) -> None:
         """forward : the tool pose of a configuration (eta,) [rad]; tool_poses : those along a reference."""
         self._forward, self._tool_poses = forward, tool_poses
         self._goal_number, self._accepted = 0, 0.0
         self._arrived = True
-        self._resting: tuple[Pose, float] | None = None  # near which place, and since when [s]
+        self._resting: tuple[PoseArrays, float] | None = None  # near which place, and since when [s]
 
     def observe(self, inputs: CycleInputs, output: CycleOutput) -> str:
         """Return the line for the log in the cycle in which the arm is found to rest at its goal; "" in all others.

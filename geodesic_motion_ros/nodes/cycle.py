@@ -10,10 +10,11 @@ import numpy as np
 
 from geodesic_motion_ros.contract.status import Refusal, Verdict, VerdictCode
 from geodesic_motion_ros.obstacles.tracker import ObstacleSet
+from geodesic_motion_ros.planning.mission import GoalRequest
 from geodesic_motion_ros.robot.held_objects import HeldObject
 from geodesic_motion_ros.trajectory.trajectory import JointReference
 
-Pose = tuple[np.ndarray, np.ndarray]
+PoseArrays = tuple[np.ndarray, np.ndarray]
 
 
 @dataclass(frozen=True)
@@ -25,7 +26,7 @@ class CycleInputs:
     measured : the configuration (eta,) [rad] of the newest joint state; None before the first.
     state_age : [s] since that joint state was taken.
     state_fault : what is wrong with the newest joint states; "" where nothing is.
-    goal : the newest requested goal, a pose or a configuration, or the refusal of its message; None before the first.
+    goal : the newest requested goal, or the refusal of its message; None before the first.
     goal_number : grows with every requested goal.
     obstacles : those that exist now.
     silent_sources : obstacle topics that have fallen silent, with for how long [s]; empty where that does
@@ -34,7 +35,6 @@ class CycleInputs:
     unusable_sources : obstacle topics of which nothing is known though something should be, with the reason.
     hold : whether a hold was requested.
     task_frame : where the frame that the skill was demonstrated in stands now, position (3,) [m] and quaternion (4,).
-    goal_in_task_frame : whether the goal was given in that frame.
     publishers : names of the nodes that publish the commands; more than one and the arm must not move.
     subscribers : names of the nodes that receive them; None: that is not known yet.
     now : time of the clock that trajectories are stamped with, since the node began and without its jumps [s].
@@ -48,15 +48,14 @@ class CycleInputs:
 
     measured: np.ndarray | None
     state_age: float
-    goal: Pose | np.ndarray | Refusal | None
+    goal: GoalRequest | Refusal | None
     goal_number: int
     obstacles: ObstacleSet
     silent_sources: dict[str, float] = field(default_factory=dict)
     late_sources: dict[str, float] = field(default_factory=dict)
     unusable_sources: dict[str, str] = field(default_factory=dict)
     hold: bool = False
-    task_frame: Pose | None = None
-    goal_in_task_frame: bool = False
+    task_frame: PoseArrays | None = None
     publishers: tuple[str, ...] = ()
     subscribers: tuple[str, ...] | None = None
     now: float = 0.0
@@ -106,7 +105,7 @@ class CycleOutput:
 
     verdict: Verdict
     goal_verdict: Verdict
-    commanded: Pose | None = None
+    commanded: PoseArrays | None = None
     trajectory: tuple[JointReference, float] | None = None
     reference: Any = None
     time_to_goal: float = np.nan

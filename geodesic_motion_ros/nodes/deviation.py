@@ -8,7 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from geodesic_motion_ros.geometry.quaternions import angle_between
-from geodesic_motion_ros.nodes.cycle import Pose
+from geodesic_motion_ros.nodes.cycle import PoseArrays
 
 #: An arm that was lost rests while its tool stays within this distance [m] and angle [rad].
 REST_DISTANCE, REST_ANGLE = 0.005, 0.02
@@ -16,7 +16,9 @@ REST_DISTANCE, REST_ANGLE = 0.005, 0.02
 REST_JOINT = 0.01
 
 
-def pose_deviation(measured: Pose, commanded: Pose, distance: float, angle: float) -> tuple[str, str] | None:
+def pose_deviation(
+    measured: PoseArrays, commanded: PoseArrays, distance: float, angle: float
+) -> tuple[str, str] | None:
     """Return how far a measured pose is from the commanded one, and what is allowed; None within a distance [m] and an
     angle [rad].
     """
@@ -30,7 +32,7 @@ def pose_deviation(measured: Pose, commanded: Pose, distance: float, angle: floa
     )
 
 
-def has_pose_moved(measured: Pose, before: Pose) -> bool:
+def has_pose_moved(measured: PoseArrays, before: PoseArrays) -> bool:
     """Whether an arm whose tool should rest has moved."""
     moved = float(np.linalg.norm(measured[0] - before[0]))
     return not (moved <= REST_DISTANCE and float(angle_between(measured[1], before[1])) <= REST_ANGLE)

@@ -25,7 +25,7 @@ from geodesic_motion_ros.geometry.task_frame import TaskFrame
 from geodesic_motion_ros.motion.plan import Plan
 from geodesic_motion_ros.motion.tracking import COUNTED, TrackingMonitor
 from geodesic_motion_ros.nodes.arm_watch import ArmWatch, UnsettledArm
-from geodesic_motion_ros.nodes.cycle import CycleInputs, CycleOutput, Pose
+from geodesic_motion_ros.nodes.cycle import CycleInputs, CycleOutput, PoseArrays
 from geodesic_motion_ros.nodes.cycle_clock import CycleClock
 from geodesic_motion_ros.nodes.deviation import joint_deviation, pose_deviation
 from geodesic_motion_ros.nodes.input_faults import Halt, readiness, rivals, stale_state
@@ -33,7 +33,7 @@ from geodesic_motion_ros.nodes.newest_goal import NewestGoal
 from geodesic_motion_ros.nodes.preparation import Preparation
 from geodesic_motion_ros.obstacles.obstacles import Obstacles
 from geodesic_motion_ros.planning.guarded_arm import PreparedArm
-from geodesic_motion_ros.planning.mission import PreparedGoal
+from geodesic_motion_ros.planning.mission import GoalRequest, PreparedGoal
 from geodesic_motion_ros.planning.planner import ReactivePlanner
 from geodesic_motion_ros.robot.held_objects import HeldObject
 from geodesic_motion_ros.trajectory.receding_horizon import Horizon
@@ -113,7 +113,7 @@ class PlannerCycle:
         self._stood = False
         self._standing: Plan | None = None
         self._tracking = TrackingMonitor(planner.robot, planner.collision)
-        self._task_frame: Pose | None = None
+        self._task_frame: PoseArrays | None = None
         self._frame_verdict = Verdict()
         # Whether the goal that is being prepared is the old one, in a task frame that has moved.
         self._again = False
@@ -307,9 +307,8 @@ class PlannerCycle:
 
     def _preparing(self, inputs: CycleInputs) -> Callable[[], PreparedGoal | Refusal]:
         self._again = False
-        if isinstance(inputs.goal, np.ndarray):
-            return partial(self.planner.prepare_configuration, inputs.goal)
-        return partial(self.planner.prepare_goal, *inputs.goal, inputs.goal_in_task_frame)
+        assert isinstance(inputs.goal, GoalRequest)  # it is new, and no refusal
+        return partial(self.planner.prepare, inputs.goal)
 
     def _take_prepared(self, prepared: PreparedGoal | Refusal) -> Verdict:
         """Plan to a prepared goal from now on; a refused one leaves the goal before."""
@@ -332,7 +331,7 @@ class PlannerCycle:
             self._obstacles_version = inputs.obstacles.version
         return verdict
 
-    def _take_task_frame(self, frame: Pose | None) -> None:
+    def _take_task_frame(self, frame: PoseArrays | None) -> None:
         if frame is None or frame is self._task_frame:
             return
         self._task_frame = frame

@@ -17,7 +17,7 @@ from std_srvs.srv import SetBool, Trigger
 from geodesic_motion_ros.contract.status import Refusal, Verdict, VerdictCode
 from geodesic_motion_ros.nodes.arrival import ArrivalWatch
 from geodesic_motion_ros.nodes.background_service import BackgroundService
-from geodesic_motion_ros.nodes.cycle import CycleInputs, CycleOutput, Pose
+from geodesic_motion_ros.nodes.cycle import CycleInputs, CycleOutput, PoseArrays
 from geodesic_motion_ros.nodes.messages import FrameLookup, MessageRefused, path_message, read_pose
 from geodesic_motion_ros.nodes.parameters import NodeParameters
 from geodesic_motion_ros.nodes.planner_inputs import PlannerInputs
@@ -51,8 +51,8 @@ class PlannerFace:
         guarded: str,
         tick: Callable[[int], None],
         died: Callable[[BaseException], None],
-        tool_poses: Callable[[object], Pose],
-        plan: Callable[[Pose, Pose], tuple[Pose | None, Verdict]],
+        tool_poses: Callable[[object], PoseArrays],
+        plan: Callable[[PoseArrays, PoseArrays], tuple[PoseArrays | None, Verdict]],
         obstacles_changed: Callable[[], None] = lambda: None,
     ) -> None:
         """command_topic, guarded : as of `PlannerOutputs`.
@@ -318,7 +318,7 @@ def _held_text(held: HeldObject) -> str:
     return f"{held.name} ({held.shape}, covered by {count} spheres that stick out by up to {out:.0f} mm)"
 
 
-def _request_pose(request: GetPlan.Request, end: str, frame: str, lookup: FrameLookup) -> Pose:
+def _request_pose(request: GetPlan.Request, end: str, frame: str, lookup: FrameLookup) -> PoseArrays:
     try:
         return read_pose(getattr(request, end), frame, lookup)
     except MessageRefused as error:

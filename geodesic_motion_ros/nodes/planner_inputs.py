@@ -19,6 +19,7 @@ from visualization_msgs.msg import Marker, MarkerArray
 
 from geodesic_motion_ros.contract.status import Refusal, VerdictCode
 from geodesic_motion_ros.geometry.distance_field import DistanceField
+from geodesic_motion_ros.geometry.pose import Pose
 from geodesic_motion_ros.nodes.arm_state import ArmState
 from geodesic_motion_ros.nodes.cloud_thread import CloudFigures, CloudThread, points_near
 from geodesic_motion_ros.nodes.cycle import CycleInputs
@@ -47,6 +48,7 @@ from geodesic_motion_ros.nodes.parameters import NodeParameters
 from geodesic_motion_ros.nodes.publishers import LATCHED
 from geodesic_motion_ros.nodes.refusals import RefusalLog
 from geodesic_motion_ros.obstacles.tracker import Key, ObstacleTracker
+from geodesic_motion_ros.planning.mission import GoalRequest
 from geodesic_motion_ros.robot.collision_model import CollisionModel
 from geodesic_motion_ros.robot.held_objects import HeldObject
 from geodesic_motion_ros.robot.kinematics import Robot
@@ -102,9 +104,8 @@ class PlannerInputs:
         self._tracker = ObstacleTracker([topic for topic in parameters["required_obstacle_topics"] if topic])
         self._described = DescribedArm(robot, skill_robot, node.resolve_topic_name("robot_description"))
         self.arm = ArmState(robot, self.refusals, parameters["joint_prefix"])
-        self._goal: tuple[np.ndarray, np.ndarray] | np.ndarray | Refusal | None = None
+        self._goal: GoalRequest | Refusal | None = None
         self._goal_number = 0
-        self._goal_in_task_frame = False
         origin = np.array(parameters["task_frame"])
         self._task_frame = origin[:3], origin[3:]
         self._task_frame_taken: float | None = None
@@ -153,7 +154,7 @@ class PlannerInputs:
         joints, age = self.arm.joints, now - self.arm.taken
         with self._lock:
             goal, number, hold = self._goal, self._goal_number, self._hold
-            task_frame, relative = self._task_frame, self._goal_in_task_frame
+            task_frame = self._task_frame
             publishers, subscribers = self._publishers, self._subscribers
             obstacles = self._tracker.current(now)
             timeout = self._parameters["obstacle_timeout"]
@@ -174,7 +175,6 @@ class PlannerInputs:
             unusable_sources=unusable,
             hold=hold,
             task_frame=task_frame,
-            goal_in_task_frame=relative,
             publishers=publishers,
             subscribers=subscribers,
             now=moment.now,
@@ -307,25 +307,23 @@ class PlannerInputs:
     def _on_goal(self, message: PoseStamped) -> None:
         in_task_frame = message.header.frame_id == TASK_FRAME
         try:
-            goal: tuple[np.ndarray, np.ndarray] | Refusal = read_pose(
-                message, TASK_FRAME if in_task_frame else self._frame, self.frames
-            )
+            pose = Pose(*read_pose(message, TASK_FRAME if in_task_frame else self._frame, self.frames))
         except MessageRefused as error:
-            self._set_goal(Refusal(VerdictCode.BAD_INPUT, f"goal_pose: {error}"), False)
+            self._set_goal(Refusal(VerdictCode.BAD_INPUT, f"goal_pose: {error}"))
             raise
-        self._set_goal(goal, in_task_frame)
+        self._set_goal(GoalRequest(pose, in_task_frame))
 
     def _on_goal_joints(self, message: JointState) -> None:
         try:
-            goal: np.ndarray | Refusal = read_joint_positions(message, self._robot.joint_names)
+            goal = GoalRequest(configuration=read_joint_positions(message, self._robot.joint_names))
         except MessageRefused as error:
-            self._set_goal(Refusal(VerdictCode.BAD_INPUT, f"goal_joints: {error}"), False)
+            self._set_goal(Refusal(VerdictCode.BAD_INPUT, f"goal_joints: {error}"))
             raise
-        self._set_goal(goal, False)
+        self._set_goal(goal)
 
-    def _set_goal(self, goal: tuple[np.ndarray, np.ndarray] | np.ndarray | Refusal, in_task_frame: bool) -> None:
+    def _set_goal(self, goal: GoalRequest | Refusal) -> None:
         with self._lock:
-            self._goal, self._goal_in_task_frame = goal, in_task_frame
+            self._goal = goal
             self._goal_number += 1
 
     def on_task_frame(self, message: PoseStamped) -> None:

@@ -18,7 +18,7 @@ from geodesic_motion_ros.contract.status import Verdict
 from geodesic_motion_ros.geometry.quaternions import continuous_signs
 from geodesic_motion_ros.geometry.task_frame import TaskFrame
 from geodesic_motion_ros.kernels.loading import load_kernels
-from geodesic_motion_ros.nodes.cycle import CycleInputs, CycleOutput, Pose
+from geodesic_motion_ros.nodes.cycle import CycleInputs, CycleOutput, PoseArrays
 from geodesic_motion_ros.nodes.parameter_tables import PLANNER
 from geodesic_motion_ros.nodes.parameters import NodeParameters, Value
 from geodesic_motion_ros.nodes.planner_cycle import PlannerCycle
@@ -122,12 +122,12 @@ class PlannerNode(LoopingNode):
         if self._sends_trajectories:
             self.loop.hurry()
 
-    def _tool_poses(self, reference: JointReference) -> Pose:
+    def _tool_poses(self, reference: JointReference) -> PoseArrays:
         chain = self.planner.robot.chain
         positions, quaternions = end_effector_poses(np.ascontiguousarray(reference.positions), chain)
         return positions, continuous_signs(quaternions)
 
-    def _plan(self, start: Pose, goal: Pose) -> tuple[Pose | None, Verdict]:
+    def _plan(self, start: PoseArrays, goal: PoseArrays) -> tuple[PoseArrays | None, Verdict]:
         plan = self.planner.plan(*start, *goal)
         return None if plan.reference is None else self._tool_poses(plan.reference), plan.verdict
 

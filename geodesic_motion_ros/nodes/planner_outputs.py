@@ -25,7 +25,7 @@ from geodesic_motion_ros.certification.declared_scene import DeclaredScene
 from geodesic_motion_ros.contract.status import VerdictCode
 from geodesic_motion_ros.geometry.task_frame import TaskFrame
 from geodesic_motion_ros.nodes.cloud_thread import CloudFigures
-from geodesic_motion_ros.nodes.cycle import CycleOutput, Pose
+from geodesic_motion_ros.nodes.cycle import CycleOutput, PoseArrays
 from geodesic_motion_ros.nodes.marker_messages import (
     MarkerScene,
     cubes_marker,
@@ -262,7 +262,7 @@ class PlannerOutputs:
     def is_view_watched(self) -> bool:
         return bool(self._view.get_subscription_count())
 
-    def publish_path(self, poses: Pose | None) -> None:
+    def publish_path(self, poses: PoseArrays | None) -> None:
         """Publish tool positions (n, 3) and quaternions (n, 4) of the present path; an empty path when there is none.
         """
         positions, quaternions = (np.zeros((0, 3)), np.zeros((0, 4))) if poses is None else poses

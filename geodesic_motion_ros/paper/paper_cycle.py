@@ -8,17 +8,17 @@ from collections.abc import Callable
 from concurrent.futures import Executor
 from functools import partial
 
-import numpy as np
-
 from geodesic_motion_ros.contract.status import Figures, Refusal, Verdict, VerdictCode
+from geodesic_motion_ros.geometry.pose import Pose
 from geodesic_motion_ros.geometry.task_frame import TaskFrame
 from geodesic_motion_ros.nodes.arm_watch import ArmWatch
-from geodesic_motion_ros.nodes.cycle import CycleInputs, CycleOutput, Pose
+from geodesic_motion_ros.nodes.cycle import CycleInputs, CycleOutput
 from geodesic_motion_ros.nodes.cycle_clock import CycleClock
 from geodesic_motion_ros.nodes.input_faults import readiness, rivals, stale_state
 from geodesic_motion_ros.nodes.newest_goal import NewestGoal
 from geodesic_motion_ros.paper.paper_planner import CAUTION, PaperGoal, PaperPlanner
 from geodesic_motion_ros.paper.streams import PoseStream, TrajectoryStream
+from geodesic_motion_ros.planning.mission import GoalRequest
 from geodesic_motion_ros.utils.deadline import Deadline
 
 #: Share of a period after which a search is interrupted: what follows it, the spline and its decoding, takes up to
@@ -112,8 +112,9 @@ class PaperCycle:
 
     def _preparing(self, inputs: CycleInputs) -> Callable[[], PaperGoal | Refusal]:
         goal = inputs.goal
-        pose = self.planner.robot.forward(goal) if isinstance(goal, np.ndarray) else goal
-        return partial(self.planner.prepare_goal, *pose, *self._offsets)
+        assert isinstance(goal, GoalRequest)  # it is new, and no refusal
+        pose = goal.pose or Pose(*self.planner.robot.forward(goal.configuration))
+        return partial(self.planner.prepare_goal, pose.position, pose.quaternion, *self._offsets)
 
     def _take_prepared(self, prepared: PaperGoal | Refusal) -> Verdict:
         if isinstance(prepared, Refusal):

@@ -13,7 +13,7 @@ from geodesic_motion_ros.certification.declared_scene import DeclaredScene
 from geodesic_motion_ros.contract.settings import TOOL_LIMITS
 from geodesic_motion_ros.contract.status import Verdict
 from geodesic_motion_ros.geometry.task_frame import TaskFrame
-from geodesic_motion_ros.nodes.cycle import CycleInputs, CycleOutput, Pose
+from geodesic_motion_ros.nodes.cycle import CycleInputs, CycleOutput, PoseArrays
 from geodesic_motion_ros.nodes.parameters import NodeParameters, Value
 from geodesic_motion_ros.nodes.planner_face import PlannerFace
 from geodesic_motion_ros.nodes.planner_parameters import load_skill, refuse_no_rotation, tool_tolerance
@@ -82,7 +82,7 @@ class PaperNode(LoopingNode):
             self.outputs.publish_target(*output.commanded)
         self.face.tell(inputs, output, self.cycle.goal_number, {}, self.planner.held)
 
-    def _plan(self, start: Pose, goal: Pose) -> tuple[Pose | None, Verdict]:
+    def _plan(self, start: PoseArrays, goal: PoseArrays) -> tuple[PoseArrays | None, Verdict]:
         return self.planner.tool_poses(self.planner.plan(start, goal)), Verdict(reason=CAUTION)
 
     def _draw_markers(self, inputs: CycleInputs, output: CycleOutput, path: np.ndarray) -> None:

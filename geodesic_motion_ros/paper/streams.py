@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from geodesic_motion_ros.geometry.quaternions import normalise
-from geodesic_motion_ros.nodes.cycle import Pose
+from geodesic_motion_ros.nodes.cycle import PoseArrays
 from geodesic_motion_ros.nodes.deviation import joint_deviation, pose_deviation
 from geodesic_motion_ros.paper.follower import TimedPath, followed
 from geodesic_motion_ros.paper.paper_planner import PaperPlanner
@@ -26,7 +26,7 @@ _SETTLING = 5.0
 class Commanded:
     """What is commanded in a cycle, as of `CycleOutput`."""
 
-    commanded: Pose | None = None
+    commanded: PoseArrays | None = None
     trajectory: tuple[JointReference, float] | None = None
     configuration: np.ndarray | None = None
     speed: float = 0.0
@@ -79,7 +79,7 @@ class PoseStream:
         self._place, self._velocity = found[-1], rates[-1]
         return Commanded(self._pose(), speed=float(np.linalg.norm(self._velocity[:3])))
 
-    def _pose(self) -> Pose:
+    def _pose(self) -> PoseArrays:
         assert self._place is not None
         return self._place[:3].copy(), normalise(self._place[3:])
 

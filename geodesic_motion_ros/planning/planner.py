@@ -183,6 +183,13 @@ class ReactivePlanner:
             return checked
         return self._prepared(GoalRequest(configuration=checked), self._inputs.frame)
 
+    def prepare(self, request: GoalRequest) -> PreparedGoal | Refusal:
+        """Prepare a requested goal: a pose, as `prepare_goal`, or a configuration, as `prepare_configuration`."""
+        if request.configuration is not None:
+            return self.prepare_configuration(request.configuration)
+        assert request.pose is not None
+        return self.prepare_goal(request.pose.position, request.pose.quaternion, request.in_task_frame)
+
     def prepare_again(self) -> PreparedGoal | Refusal:
         """Prepare the requested goal anew, as the task frame has moved; NO_GOAL before the first."""
         requested = self._mission.requested

@@ -8,10 +8,12 @@ import numpy as np
 import pytest
 
 from geodesic_motion_ros.contract.status import Refusal, Verdict, VerdictCode
+from geodesic_motion_ros.geometry.pose import Pose
 from geodesic_motion_ros.nodes.arm_watch import REST_TIME
 from geodesic_motion_ros.nodes.arrival import ArrivalWatch
 from geodesic_motion_ros.nodes.cycle import CycleInputs, CycleOutput
 from geodesic_motion_ros.obstacles.tracker import ObstacleTracker
+from geodesic_motion_ros.planning.mission import GoalRequest
 
 PERIOD = 0.01
 UPRIGHT = np.array([1.0, 0.0, 0.0, 0.0])
@@ -36,7 +38,7 @@ class Bench:
         for _ in range(round(seconds / PERIOD)):
             joints = np.array([place, 0.0, 0.0])
             seen, times = ObstacleTracker().current(0.0), {"now": self.now, "heard": self.now}
-            inputs = CycleInputs(joints, 0.0, (joints, UPRIGHT), goal, seen, **times)
+            inputs = CycleInputs(joints, 0.0, GoalRequest(Pose(joints, UPRIGHT)), goal, seen, **times)
             line = self.watch.observe(inputs, CycleOutput(verdict, of_goal, time_to_goal=left, speed=speed))
             self.now, place = self.now + PERIOD, place + off
             if line:

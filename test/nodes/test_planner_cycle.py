@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 from geodesic_motion_ros.contract.status import VerdictCode
+from geodesic_motion_ros.geometry.pose import Pose
 from geodesic_motion_ros.geometry.task_frame import TaskFrame
 from geodesic_motion_ros.motion.solver import Solver
 from geodesic_motion_ros.nodes.arm_watch import REST_TIME
@@ -18,6 +19,7 @@ from geodesic_motion_ros.nodes.cycle import CycleInputs, CycleOutput
 from geodesic_motion_ros.nodes.input_faults import NO_CLOCK
 from geodesic_motion_ros.nodes.planner_cycle import PlannerCycle
 from geodesic_motion_ros.obstacles.tracker import ObstacleTracker
+from geodesic_motion_ros.planning.mission import GoalRequest
 from geodesic_motion_ros.planning.planner import ReactivePlanner
 from geodesic_motion_ros.robot.held_objects import HeldObject
 from geodesic_motion_ros.robot.inverse_kinematics import solve
@@ -75,7 +77,7 @@ def arm(reach_skill: Skill) -> Arm:
 
 @pytest.fixture
 def inputs(reach_skill: Skill) -> CycleInputs:
-    goal = reach_skill.canonical.goal_poles[0]
+    goal = GoalRequest(configuration=reach_skill.canonical.goal_poles[0])
     return CycleInputs(None, 0.005, goal, 1, ObstacleTracker().current(0.0))
 
 
@@ -94,7 +96,7 @@ def test_goals_may_be_prepared_while_cycles_go_on(planner, arm, inputs) -> None:
         going = follow(cycle, arm, inputs, 0.3)
         assert all(output.verdict.ok and output.goal_verdict.ok for output in going)
 
-        far = (np.array([5.0, 0.0, 0.5]), np.array([1.0, 0.0, 0.0, 0.0]))
+        far = GoalRequest(Pose(np.array([5.0, 0.0, 0.5]), np.array([1.0, 0.0, 0.0, 0.0])))
         other = dataclasses.replace(inputs, goal=far, goal_number=2)
         follow(cycle, arm, other, 0.02)
         background.submit(lambda: None).result()
@@ -134,7 +136,7 @@ def test_reaches_the_goal_and_sends_little_while_nothing_changes(cycle, arm, inp
     """Two trajectories in the time of a horizon, until one has reached the goal; more in the first second."""
     outputs = follow(cycle, arm, inputs, 12.0)
     assert outputs[-1].verdict.ok
-    np.testing.assert_allclose(arm.measured(), inputs.goal, atol=1e-9)
+    np.testing.assert_allclose(arm.measured(), inputs.goal.configuration, atol=1e-9)
     sent = [number * PERIOD for number, output in enumerate(outputs) if output.trajectory is not None]
     assert np.all(np.diff(sent) >= 0.1 - 1e-6)
     later = [time for time in sent if time > 1.1]
@@ -153,10 +155,10 @@ def test_an_arm_that_hears_no_more_stops_by_itself_and_goes_on_when_cycles_do(cy
     assert begin + reference.duration < stalled + HORIZON + 0.5
     arm.now += 3.0
     np.testing.assert_array_equal(arm.desired(arm.now)[1:], 0.0)
-    assert np.max(np.abs(arm.measured() - inputs.goal)) > 0.1
+    assert np.max(np.abs(arm.measured() - inputs.goal.configuration)) > 0.1
     again = arrive(cycle, arm, inputs)
     assert again[0].verdict.ok
-    np.testing.assert_allclose(arm.measured(), inputs.goal, atol=1e-9)
+    np.testing.assert_allclose(arm.measured(), inputs.goal.configuration, atol=1e-9)
 
 
 def test_cycles_that_come_back_while_the_arm_brakes_go_on_from_there(cycle, arm, inputs):
@@ -166,7 +168,7 @@ def test_cycles_that_come_back_while_the_arm_brakes_go_on_from_there(cycle, arm,
     assert np.any(arm.desired(arm.now)[1])
     again = arrive(cycle, arm, inputs)
     assert again[0].verdict.ok
-    np.testing.assert_allclose(arm.measured(), inputs.goal, atol=1e-9)
+    np.testing.assert_allclose(arm.measured(), inputs.goal.configuration, atol=1e-9)
 
 
 def test_what_would_take_over_in_the_past_is_not_sent_and_the_next_cycle_finds_it_again(planner, arm, inputs):
@@ -204,7 +206,7 @@ def test_a_search_that_took_too_long_is_followed_by_a_stop_from_the_present_on(p
     follow(cycle, arm, inputs, 1.0)
     monkeypatch.setattr(Solver, "solve", stalled)
     # A new goal: the path being followed leads elsewhere, and another one is looked for.
-    back = dataclasses.replace(inputs, goal=arm.states[0][0], goal_number=2)
+    back = dataclasses.replace(inputs, goal=GoalRequest(configuration=arm.states[0][0]), goal_number=2)
     before = arm.played
     output = cycle.run(dataclasses.replace(back, measured=arm.measured(), now=arm.now, heard=arm.now), PERIOD)
     assert output.verdict.code is VerdictCode.DEADLINE_MISSED
@@ -241,7 +243,7 @@ def test_a_path_on_which_no_stop_was_found_in_time_is_not_sent_again(planner, ar
     assert all(output.trajectory is None for output in missed)
     assert arm.played is sent
     np.testing.assert_array_equal(arm.desired(arm.now)[1:], 0.0)
-    assert np.max(np.abs(arm.measured() - inputs.goal)) > 0.1
+    assert np.max(np.abs(arm.measured() - inputs.goal.configuration)) > 0.1
 
 
 def test_a_horizon_shorter_than_the_prediction_is_refused(planner):
@@ -250,12 +252,12 @@ def test_a_horizon_shorter_than_the_prediction_is_refused(planner):
 
 
 def test_a_goal_pose_is_reached_in_one_of_the_demonstrated_families(cycle, arm, inputs, reach_skill):
-    pose = reach_skill.goal_pose[:3], reach_skill.goal_pose[3:]
-    outputs = arrive(cycle, arm, dataclasses.replace(inputs, goal=pose))
+    pose = Pose(reach_skill.goal_pose[:3], reach_skill.goal_pose[3:])
+    outputs = arrive(cycle, arm, dataclasses.replace(inputs, goal=GoalRequest(pose)))
     assert "configurations near those demonstrated" in outputs[0].goal_verdict.reason
     position, quaternion = cycle.planner.robot.forward(arm.measured())
-    np.testing.assert_allclose(position, pose[0], atol=1e-3)
-    assert abs(quaternion @ pose[1]) > 1.0 - 1e-5
+    np.testing.assert_allclose(position, pose.position, atol=1e-3)
+    assert abs(quaternion @ pose.quaternion) > 1.0 - 1e-5
 
 
 @pytest.mark.parametrize(
@@ -276,7 +278,7 @@ def test_a_reason_to_hold_stops_on_the_path_and_its_end_resumes(cycle, arm, inpu
     np.testing.assert_array_equal(arm.states[-1][1:], 0.0)
     again = arrive(cycle, arm, inputs)
     assert again[0].verdict.ok
-    np.testing.assert_allclose(arm.measured(), inputs.goal, atol=1e-9)
+    np.testing.assert_allclose(arm.measured(), inputs.goal.configuration, atol=1e-9)
 
 
 def test_it_states_why_no_joint_state_can_be_used(cycle, arm, inputs):
@@ -302,7 +304,7 @@ def test_a_driver_that_wraps_a_joint_in_motion_is_followed_and_sent_the_turn_tha
 ):
     planner = ReactivePlanner(endless_reach_skill)
     cycle = PlannerCycle(planner, 0.1, 1.0, tracking_tolerance=0.1, horizon=HORIZON, clock=lambda: 0.0)
-    start, goal = arm.position[6], inputs.goal[6]
+    start, goal = arm.position[6], inputs.goal.configuration[6]
     assert abs(goal - start) > 0.05
     beyond = 0.5 * (start + goal)
     outputs = []
@@ -323,7 +325,7 @@ def test_a_driver_that_wraps_a_joint_in_motion_is_followed_and_sent_the_turn_tha
         arm.take(outputs[-1])
         arm.now += PERIOD
     assert {output.verdict.code for output in outputs} <= {VerdictCode.OK, VerdictCode.NO_GOAL}
-    np.testing.assert_allclose(np.delete(arm.measured() - inputs.goal, 6), 0.0, atol=1e-6)
+    np.testing.assert_allclose(np.delete(arm.measured() - inputs.goal.configuration, 6), 0.0, atol=1e-6)
     off = arm.measured()[6] - goal
     assert off == pytest.approx(2.0 * np.pi * np.round(off / (2.0 * np.pi)), abs=1e-6)
 
@@ -344,7 +346,7 @@ def test_what_is_not_seen_of_the_arm_counts_as_lag(cycle, arm, inputs, planner):
 def test_the_limits_are_kept_while_goals_change_in_motion(cycle, arm, inputs, planner):
     random = np.random.default_rng(3)
     for number in range(2, 14):
-        goal = inputs.goal + random.uniform(-0.05, 0.05, 7)
+        goal = GoalRequest(configuration=inputs.goal.configuration + random.uniform(-0.05, 0.05, 7))
         follow(cycle, arm, dataclasses.replace(inputs, goal=goal, goal_number=number), 0.4)
     states, limits = np.array(arm.states), planner.limits
     assert np.all(np.abs(states[:, 1]) <= limits.velocity + 1e-6)
@@ -368,7 +370,7 @@ def test_an_arm_that_is_pushed_away_is_lost_stays_and_needs_a_new_goal(cycle, ar
     assert "send the goal again" in waiting[-1].goal_verdict.reason
     moving = arrive(cycle, arm, dataclasses.replace(inputs, goal_number=2))
     assert moving[-1].verdict.ok
-    np.testing.assert_allclose(arm.measured(), inputs.goal, atol=1e-9)
+    np.testing.assert_allclose(arm.measured(), inputs.goal.configuration, atol=1e-9)
 
 
 @dataclass
@@ -387,7 +389,8 @@ def test_a_lag_is_counted_while_the_arm_waits_and_when_it_sets_out_again(cycle, 
     waiting = follow(cycle, late, dataclasses.replace(inputs, hold=True), 3.0)
     assert waiting[-1].speed == 0.0
     assert planner.tracking.lag >= lag
-    follow(cycle, late, dataclasses.replace(inputs, goal=late.measured(), goal_number=2), 2.0)
+    here = GoalRequest(configuration=late.measured())
+    follow(cycle, late, dataclasses.replace(inputs, goal=here, goal_number=2), 2.0)
     assert planner.tracking.lag >= lag
 
 
@@ -420,7 +423,8 @@ def test_an_arm_that_holds_the_tool_in_another_posture_stops_and_plans_again_fro
     stopped = VerdictCode.BAD_INPUT in codes
     assert stopped == stiff
     if output.verdict.ok:
-        reached, wanted = (planner.robot.forward(joints)[0] for joints in (follower.position, inputs.goal))
+        ends = follower.position, inputs.goal.configuration
+        reached, wanted = (planner.robot.forward(joints)[0] for joints in ends)
         np.testing.assert_allclose(reached, wanted, atol=1e-3)
 
 
@@ -457,7 +461,7 @@ def test_a_clock_that_was_set_stops_the_arm_where_it_is(cycle, arm, inputs, jump
     assert "the clock was set" in waiting[-1].goal_verdict.reason
     moving = arrive(cycle, arm, dataclasses.replace(after, goal_number=2))
     assert moving[-1].verdict.ok
-    np.testing.assert_allclose(arm.measured(), inputs.goal, atol=1e-9)
+    np.testing.assert_allclose(arm.measured(), inputs.goal.configuration, atol=1e-9)
 
 
 @pytest.mark.parametrize(
@@ -494,7 +498,7 @@ def test_an_arm_whose_commands_no_node_receives_stays(cycle, arm, inputs):
     assert "no node receives joint_trajectory" in unheard[-1].verdict.reason
     assert all(output.trajectory is None or output.speed == 0.0 for output in unheard)
     assert arrive(cycle, arm, dataclasses.replace(inputs, subscribers=("/controller",)))[-1].verdict.ok
-    np.testing.assert_allclose(arm.measured(), inputs.goal, atol=1e-9)
+    np.testing.assert_allclose(arm.measured(), inputs.goal.configuration, atol=1e-9)
 
 
 def test_a_task_frame_elsewhere_is_refused(cycle, arm, inputs):
@@ -507,10 +511,10 @@ def test_a_task_frame_elsewhere_is_refused(cycle, arm, inputs):
 @pytest.mark.parametrize("bad", [np.full(7, np.nan), np.full(7, 9.0), np.zeros(6)], ids=["nan", "limits", "six joints"])
 def test_a_goal_that_is_none_is_refused_and_the_old_one_stays(cycle, arm, inputs, bad):
     follow(cycle, arm, inputs, 1.0)
-    output = arrive(cycle, arm, dataclasses.replace(inputs, goal=bad, goal_number=2))[-1]
+    output = arrive(cycle, arm, dataclasses.replace(inputs, goal=GoalRequest(configuration=bad), goal_number=2))[-1]
     assert output.goal_verdict.code is VerdictCode.BAD_INPUT
     assert output.verdict.ok
-    np.testing.assert_allclose(arm.measured(), inputs.goal, atol=1e-9)
+    np.testing.assert_allclose(arm.measured(), inputs.goal.configuration, atol=1e-9)
 
 
 def test_an_old_state_is_compared_with_what_was_commanded_then(cycle, arm, inputs):
@@ -554,7 +558,7 @@ class TestHeldObjects:
         outputs = arrive(cycle, arm, inputs)
         assert cycle.planner.held == ()
         assert outputs[-1].verdict.ok
-        np.testing.assert_allclose(arm.measured(), inputs.goal, atol=1e-6)
+        np.testing.assert_allclose(arm.measured(), inputs.goal.configuration, atol=1e-6)
         assert len(cycle.planner.obstacles.radii) == 1
 
     def test_an_obstacle_of_its_name_that_is_elsewhere_counts(self, cycle, arm, inputs):

@@ -9,9 +9,11 @@ from collections.abc import Callable, Iterator
 import numpy as np
 import pytest
 
+from geodesic_motion_ros.geometry.pose import Pose
 from geodesic_motion_ros.nodes.cycle import CycleInputs
 from geodesic_motion_ros.nodes.planner_cycle import PlannerCycle
 from geodesic_motion_ros.obstacles.tracker import ObstacleTracker
+from geodesic_motion_ros.planning.mission import GoalRequest
 from geodesic_motion_ros.planning.planner import ReactivePlanner
 from geodesic_motion_ros.skill.skill import Skill
 
@@ -46,8 +48,8 @@ def played(planner: ReactivePlanner, received: Callable[[int], dict], count: int
     planner.stand_at(start_of(planner), 0.0)
     cycle = PlannerCycle(planner, 0.1, 1.0, tracking_tolerance=0.1, horizon=3.0, clock=lambda: 0.0)
     inputs = CycleInputs(
-        measured=start_of(planner), state_age=0.0, goal=tuple(GOAL), goal_number=1, obstacles=NOTHING,
-        goal_in_task_frame=True,
+        measured=start_of(planner), state_age=0.0, goal=GoalRequest(Pose(*GOAL), True), goal_number=1,
+        obstacles=NOTHING,
     )  # fmt: skip
     for number in range(count):
         now = PERIOD * number
@@ -70,13 +72,16 @@ def arrival(planner: ReactivePlanner, received: Callable[[int], dict] = lambda c
 
 
 def goals(random: np.random.Generator, noise: float):
-    return lambda cycle: {"goal": (GOAL[0] + random.normal(size=3) * noise, GOAL[1]), "goal_number": cycle + 1}
+    return lambda cycle: {
+        "goal": GoalRequest(Pose(GOAL[0] + random.normal(size=3) * noise, GOAL[1]), True),
+        "goal_number": cycle + 1,
+    }
 
 
 def frames(random: np.random.Generator, noise: float, goal_in_task_frame: bool):
     return lambda cycle: {
         "task_frame": (random.normal(size=3) * noise, UPRIGHT.copy()),
-        "goal_in_task_frame": goal_in_task_frame,
+        "goal": GoalRequest(Pose(*GOAL), goal_in_task_frame),
     }
 
 
@@ -91,7 +96,8 @@ def test_what_is_received_again_neither_stops_nor_delays_the_tool(planner: React
 @pytest.mark.parametrize("moved", ["goal", "task_frame"])
 def test_a_small_move_is_made_exactly_once_the_tool_rests(planner: ReactivePlanner, moved: str) -> None:
     shift = np.array([1.5e-3, 0.0, 0.0])
-    new = {"task_frame": (shift, UPRIGHT), "goal": (GOAL[0] + shift, GOAL[1])}[moved]
+    goal = GoalRequest(Pose(GOAL[0] + shift, GOAL[1]), True)
+    new = {"task_frame": (shift, UPRIGHT), "goal": goal}[moved]
     received = {round(2.0 / PERIOD): {"goal_number": 2, moved: new}}
     *_, last = played(planner, lambda cycle: received.get(cycle, {}), round(8.0 / PERIOD))
     np.testing.assert_allclose(last, GOAL[0] + shift, atol=1e-6)

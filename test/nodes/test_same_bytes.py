@@ -20,10 +20,12 @@ from pathlib import Path
 import numpy as np
 
 from geodesic_motion_ros.contract.settings import PlannerSettings
+from geodesic_motion_ros.geometry.pose import Pose
 from geodesic_motion_ros.nodes.cycle import CycleInputs, CycleOutput
 from geodesic_motion_ros.nodes.planner_cycle import PlannerCycle
 from geodesic_motion_ros.nodes.trajectory_bytes import joint_trajectory_bytes
 from geodesic_motion_ros.obstacles.tracker import ObstacleTracker
+from geodesic_motion_ros.planning.mission import GoalRequest
 from geodesic_motion_ros.planning.planner import ReactivePlanner
 from geodesic_motion_ros.skill.skill import Skill
 
@@ -47,7 +49,8 @@ def inputs_at(cycle: int, skill: Skill, tracker: ObstacleTracker) -> CycleInputs
         across = np.array(BEGINS[skill.name]) - [0.3 * cycle * PERIOD, 0.0, 0.0]
         tracker.put("obstacles", ("moving", 0), middle + across, 0.04, now)
         tracker.put("obstacles", ("beside", 1), middle + [0.0, 0.0, -0.3], 0.04, now)
-    goal = skill.goal_pose[:3] + np.array([0.01, -0.01, 0.01]) * (cycle in OTHER_GOAL), skill.goal_pose[3:]
+    position = skill.goal_pose[:3] + np.array([0.01, -0.01, 0.01]) * (cycle in OTHER_GOAL)
+    goal = GoalRequest(Pose(position, skill.goal_pose[3:]))
     number = 1 + (cycle >= OTHER_GOAL.start) + (cycle >= OTHER_GOAL.stop)
     return CycleInputs(None, 0.0, goal, number, tracker.current(now), now=now, heard=now)
 

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from geodesic_motion_ros.contract.status import VerdictCode
+from geodesic_motion_ros.geometry.pose import Pose
 from geodesic_motion_ros.geometry.quaternions import normalise
 from geodesic_motion_ros.nodes.cycle import CycleInputs, CycleOutput
 from geodesic_motion_ros.obstacles.tracker import ObstacleSet
@@ -16,6 +17,7 @@ from geodesic_motion_ros.paper.follower import STIFFNESS
 from geodesic_motion_ros.paper.paper_cycle import PaperCycle
 from geodesic_motion_ros.paper.paper_planner import CAUTION, PaperPlanner, PaperSettings
 from geodesic_motion_ros.paper.streams import PoseStream, TrajectoryStream
+from geodesic_motion_ros.planning.mission import GoalRequest
 from geodesic_motion_ros.robot.held_objects import HeldObject
 from geodesic_motion_ros.robot.inverse_kinematics import solve
 from geodesic_motion_ros.skill.skill import Skill
@@ -58,7 +60,7 @@ def cycle(planner: PaperPlanner) -> PaperCycle:
 
 @pytest.fixture
 def inputs(planner: PaperPlanner, arm: np.ndarray) -> CycleInputs:
-    goal = tuple(np.split(planner.skill.goal_pose, [3]))
+    goal = GoalRequest(Pose(*np.split(planner.skill.goal_pose, [3])))
     return CycleInputs(measured=arm, state_age=0.0, goal=goal, goal_number=1, obstacles=NOTHING)
 
 
@@ -145,7 +147,7 @@ def test_without_a_goal_and_on_hold_the_arm_rests(cycle, inputs, arm) -> None:
 
 
 def test_a_goal_that_the_skill_does_not_know_is_refused(cycle, inputs, arm) -> None:
-    far = inputs.goal[0] + np.array([0.0, 0.0, 0.7]), inputs.goal[1]
+    far = GoalRequest(Pose(inputs.goal.pose.position + np.array([0.0, 0.0, 0.7]), inputs.goal.pose.quaternion))
     *_, (_, output) = played(cycle, dataclasses.replace(inputs, goal=far), arm, 3)
     assert output.goal_verdict.code is VerdictCode.GOAL_OUT_OF_SUPPORT
     assert output.is_goal_refused

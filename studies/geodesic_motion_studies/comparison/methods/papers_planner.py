@@ -14,6 +14,7 @@ from dataclasses import asdict, replace
 
 import numpy as np
 
+from geodesic_motion_ros.geometry.pose import Pose
 from geodesic_motion_ros.nodes.cycle import CycleInputs
 from geodesic_motion_ros.obstacles.obstacles import Obstacles
 from geodesic_motion_ros.obstacles.tracker import ObstacleSet
@@ -21,6 +22,7 @@ from geodesic_motion_ros.paper.follower import TimedPath
 from geodesic_motion_ros.paper.paper_cycle import PaperCycle
 from geodesic_motion_ros.paper.paper_planner import STRENGTH_OF_POSES, PaperPlanner, PaperSettings
 from geodesic_motion_ros.paper.streams import PoseStream, TrajectoryStream
+from geodesic_motion_ros.planning.mission import GoalRequest
 from geodesic_motion_ros.skill.skill import Skill
 from geodesic_motion_ros.utils.errors import ParameterError
 from geodesic_motion_studies.comparison.arena import Arena
@@ -49,7 +51,7 @@ class PapersPlanner:
 
     def reset(self, scene: Scene) -> None:
         """Forget all that was before."""
-        self._goal, self._version, self._path = scene.goal_pose, 0, None
+        self._goal, self._version, self._path = GoalRequest(Pose(*scene.goal_pose)), 0, None
         # However it follows, nothing is too far from where it was sent: of poses only where the arm begins counts.
         self._measured = scene.start
         self._planner.clear_goal()
