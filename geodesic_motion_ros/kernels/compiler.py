@@ -1,4 +1,4 @@
-"""A process that compiles the kernels of the planners for `kernels`: numba's cache has them afterwards.
+"""A process that compiles the kernels of the planners for `compile_ahead`: numba's cache has them afterwards.
 
 It prints the name of each kernel that has been compiled, a line each, and in the end the folders of numba's cache.
 """

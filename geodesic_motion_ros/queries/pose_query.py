@@ -111,13 +111,14 @@ class PostureLift:
     Attributes
     ----------
     frame : where the task frame stands. posture : that of the base path. swivel : the number of the one of `SWIVELS`
-        that it was made with.
+        that it was made with. first : the number of the first with which the arm can hold the base path.
     """
 
     robot: Robot
     frame: TaskFrame
     posture: Posture
     swivel: int
+    first: int
 
     def configurations_along(self, query: ArmQuery, latent: np.ndarray, start: np.ndarray) -> np.ndarray | Refusal:
         positions, quaternions, progress = _poses_along(query, self.frame, latent)
@@ -203,11 +204,11 @@ class PoseQueryBuilder(QueryBuilder[Pose]):
 
     def rebuild(self, query: ArmQuery) -> ArmQuery | Refusal:
         lift = _lift_of(query)
-        return self._in_posture(self._as_poses(query), lift.frame, query.start, lift.swivel)
+        return self._in_posture(self._as_poses(query), lift.frame, query.start, lift.swivel, lift.first)
 
     def other_posture(self, query: ArmQuery) -> ArmQuery | None:
         lift = _lift_of(query)
-        found = self._held(self._as_poses(query), lift.frame, query.start, lift.swivel + 1)
+        found = self._held(self._as_poses(query), lift.frame, query.start, after=lift)
         return None if isinstance(found, Refusal) else found
 
     def first_posture(self, query: ArmQuery) -> ArmQuery:
@@ -215,31 +216,35 @@ class PoseQueryBuilder(QueryBuilder[Pose]):
         serves; itself, where it is in that.
         """
         lift = _lift_of(query)
-        if lift.swivel == 0:
+        if lift.swivel == lift.first:
+            # What has been tried on a query is known of that one alone.
             return query
         found = self._held(self._as_poses(query), lift.frame, query.start)
         assert not isinstance(found, Refusal)
-        # What has been tried on a query is known of that one alone.
-        return query if _lift_of(found).swivel == lift.swivel else found
+        return found
 
     def _as_poses(self, query: ArmQuery) -> Query[Pose]:
         """The query as it was before the arm held it."""
         transported = self._between(*query.ends, query.task_start, query.along_mean_paths)
         return replace(transported, displaced=query.displaced)
 
-    def _held(self, query: Query[Pose], frame: TaskFrame, start: np.ndarray, first: int = 0) -> ArmQuery | Refusal:
-        """A query of poses for the arm in a configuration (eta,) at its start, with the first swivel from a number on
-        with which it can hold the base path; or why it cannot with that one.
+    def _held(
+        self, query: Query[Pose], frame: TaskFrame, start: np.ndarray, after: PostureLift | None = None
+    ) -> ArmQuery | Refusal:
+        """A query of poses for the arm in a configuration (eta,) at its start, with the first swivel, or the first
+        after that of a posture, with which it can hold the base path; or why it cannot with the first of them.
         """
         refusal: Refusal | None = None
-        for swivel in range(first, len(constants.SWIVELS)):
-            found = self._in_posture(query, frame, start, swivel)
+        for swivel in range(0 if after is None else after.swivel + 1, len(constants.SWIVELS)):
+            found = self._in_posture(query, frame, start, swivel, swivel if after is None else after.first)
             if not isinstance(found, Refusal):
                 return found
             refusal = refusal or found
         return refusal or Refusal(VerdictCode.NO_FEASIBLE_PATH, "no other posture is left", query.misfits)
 
-    def _in_posture(self, query: Query[Pose], frame: TaskFrame, start: np.ndarray, swivel: int) -> ArmQuery | Refusal:
+    def _in_posture(
+        self, query: Query[Pose], frame: TaskFrame, start: np.ndarray, swivel: int, first: int
+    ) -> ArmQuery | Refusal:
         """A query of poses with the arm in the posture that follows from a configuration (eta,) and a swivel."""
         source = self._graph.node_near(query.start_latent, np.isfinite(query.to_goal), 3)
         if source is None:
@@ -266,7 +271,7 @@ class PoseQueryBuilder(QueryBuilder[Pose]):
             to_goal = cost_field(adjacency, graph.base, query.goal_node)
             from_start = cost_field(adjacency, graph.base, source)
         held: Query[Any] = replace(query, graph=graph, body=body, to_goal=to_goal, from_start=from_start)
-        lift = PostureLift(self._robot, frame, posture, swivel)
+        lift = PostureLift(self._robot, frame, posture, swivel, first)
         return replace(held, start=start, goal=posture.configurations[-1], lift=lift)
 
     def _posture(

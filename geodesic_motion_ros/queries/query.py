@@ -276,7 +276,7 @@ class QueryBuilder(ABC, Generic[Output]):
         nowhere = np.zeros(len(scale))
         self._unconditioned = self._along_mean_paths(nowhere, nowhere, conditioned=False)
         self._poles: dict[str, list[Pole[Output]]] = {end: self._find_poles(end) for end in get_args(EndName)}
-        self._unmoved = self._unmoved_lengths(self._unconditioned[1])
+        self._unmoved = self._unmoved_lengths(self._unconditioned.conformal)
         self._demonstrated_cost = self._cost_of_demonstration()
 
     def guard(self, collision: CollisionModel, settings: PlannerSettings) -> QueryBuilder[Output]:
@@ -448,9 +448,7 @@ class QueryBuilder(ABC, Generic[Output]):
             return best
         decoded = self._decoded(self._graph.latent[node])
         offset = self._difference(decoded, requested)
-        nearest = End(
-            self._graph.latent[node], node, decoded, requested, offset, offset, np.zeros_like(offset)
-        )  # fmt: skip
+        nearest = End(self._graph.latent[node], node, decoded, requested, offset, offset, np.zeros_like(offset))
         return nearest if best is None else min(nearest, best, key=lambda end: end.misfit)
 
     def _at_pole(self, pole: Pole[Output], requested: Output) -> End[Output]:

@@ -109,6 +109,9 @@ def test_a_query_in_the_first_posture_that_serves_is_that_of_its_first_posture(b
     """Where the first swivel cannot be held too: what has been tried on a query is known of that object alone."""
     query = built(builder)
     assert builder.first_posture(query) is query
+    other = builder.other_posture(query)
+    assert other.lift.swivel > 0
+    assert builder.first_posture(other).lift.swivel == 0
     monkeypatch.setattr("geodesic_motion_ros.contract.settings.SWIVELS", (9.0, 0.0))
     second = built(builder)
     assert second.lift.swivel == 1
