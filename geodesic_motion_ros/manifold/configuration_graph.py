@@ -97,18 +97,25 @@ class ConfigurationGraph(LatentGraph):
         """How the nodes are moved by offsets with corrections (K, S, eta) [rad]."""
         return ToolSteps.of(self.configurations, self.progress, self.mean_path_shares, corrections, self.robot)
 
-    def transported(
-        self, offsets: JointOffsets, conformal: np.ndarray | None = None, steps: ToolSteps | None = None
-    ) -> CarriedConfigurations:
-        """Carry the nodes to a query; `conformal` (n,) >= 1, None for 1, as in `PoseGraph.transported`.
-
-        steps : those of the offsets' corrections, where they are known.
-        """
-        if steps is None:
-            configurations = offsets.carried(self.configurations, self.progress, self.mean_path_shares)
-        else:
-            configurations = offsets.carried_by(steps)
+    def transported(self, offsets: JointOffsets, conformal: np.ndarray | None = None) -> CarriedConfigurations:
+        """Carry the nodes to a query, with their body points; `conformal` : as of `weighted`."""
+        configurations = self.carried(offsets)
         points = place_body_points(configurations, self.body.frames, self.body.offsets, self.robot.chain)
+        return self.weighted(configurations, points, conformal)
+
+    def carried(self, offsets: JointOffsets, steps: ToolSteps | None = None) -> np.ndarray:
+        """Carry the nodes' configurations (n, eta); steps : those of the offsets' corrections, where they are known."""
+        if steps is None:
+            return offsets.carried(self.configurations, self.progress, self.mean_path_shares)
+        return offsets.carried_by(steps)
+
+    def weighted(
+        self, configurations: np.ndarray, points: np.ndarray, conformal: np.ndarray | None = None
+    ) -> CarriedConfigurations:
+        """Measure the edges between carried configurations (n, eta), their body points at points (n, K, 3) [m].
+
+        conformal : (n,) >= 1, None for 1, as in `PoseGraph.transported`.
+        """
         first, second = self.edges.T
         factor = np.ones(len(self.edges)) if conformal is None else 0.5 * (conformal[first] + conformal[second])
         turned, shares, moved = _chord_energies(self.edges, configurations, points, self.sigma_shares, factor)

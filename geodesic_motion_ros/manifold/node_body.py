@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numba
 import numpy as np
 
-from geodesic_motion_ros.robot.body_points import place_two_sets
+from geodesic_motion_ros.robot.body_points import BodyPoints, place_three_sets
 from geodesic_motion_ros.robot.collision_model import CollisionModel
 from geodesic_motion_ros.robot.kinematics import Robot, contiguous
 
@@ -75,32 +75,47 @@ class NodeBody(NamedTuple):
     def of_arm(
         cls,
         configurations: np.ndarray,
-        points: np.ndarray,
+        body: BodyPoints,
         point_radii: np.ndarray,
         model: CollisionModel,
         bounds: LinkBounds,
         robot: Robot,
     ) -> NodeBody:
-        """An arm in configurations (n, eta) [rad], its body points (n, K, 3), (K,) and its moving collision spheres."""
+        """An arm in configurations (n, eta) [rad]: its body points and their radii (K,) [m], and the model's moving
+        collision spheres.
+        """
         placed, moving = contiguous(configurations), model.moving
-        spheres, links = place_two_sets(
-            placed, model.points.frames[moving], model.points.offsets[moving], bounds.frames, bounds.centres,
+        points, spheres, links = place_three_sets(
+            placed,
+            (body.frames, body.offsets),
+            (model.points.frames[moving], model.points.offsets[moving]),
+            (bounds.frames, bounds.centres),
             robot.chain,
-        )  # fmt: skip
+        )
         boxes = _box(points, point_radii), _box(links, bounds.radii)
         return cls(
             points, point_radii, spheres, model.radii[moving], links, bounds.radii, bounds.first,
             np.minimum(boxes[0][0], boxes[1][0]), np.maximum(boxes[0][1], boxes[1][1]),
         )  # fmt: skip
 
+    def felt_at(self, points: np.ndarray, radii: np.ndarray) -> NodeBody:
+        """The same body that feels obstacles at other points (n, K, 3), (K,) [m]."""
+        lower, upper = _box(points, radii)
+        return self._replace(
+            points=points, point_radii=radii, lower=np.minimum(self.lower, lower), upper=np.maximum(self.upper, upper)
+        )
+
 
 @numba.njit(cache=True, nogil=True)
 def _box(centres: np.ndarray, radii: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Lower and upper corner (3,) around spheres (n, k, 3), (k,)."""
-    lower, upper = np.full(3, np.inf), np.full(3, -np.inf)
-    for i in range(centres.shape[0]):
-        for k in range(centres.shape[1]):
-            for axis in range(3):
-                lower[axis] = min(lower[axis], centres[i, k, axis] - radii[k])
-                upper[axis] = max(upper[axis], centres[i, k, axis] + radii[k])
+    lower, upper = np.empty(3), np.empty(3)
+    # Axis by axis: least and most stay in registers.
+    for axis in range(3):
+        least, most = np.inf, -np.inf
+        for i in range(centres.shape[0]):
+            for k in range(centres.shape[1]):
+                least = min(least, centres[i, k, axis] - radii[k])
+                most = max(most, centres[i, k, axis] + radii[k])
+        lower[axis], upper[axis] = least, most
     return lower, upper

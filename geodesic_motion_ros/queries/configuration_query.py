@@ -279,10 +279,10 @@ class ConfigurationQueryBuilder(QueryBuilder[np.ndarray]):
         self, offsets: JointOffsets, ends: tuple[int, int], along_mean_paths: AlongMeanPaths
     ) -> tuple[WeightedGraph, MetricField, NodeBody]:
         steps = self._steps if along_mean_paths is self._unconditioned else None
-        graph = self._graph.transported(offsets, along_mean_paths.conformal, steps)
-        body = NodeBody.of_arm(
-            graph.configurations, graph.body_points, self._point_radii, self._collision, self._links, self._robot
-        )
+        nodes = self._graph.carried(offsets, steps)
+        points = self._graph.body
+        body = NodeBody.of_arm(nodes, points, self._point_radii, self._collision, self._links, self._robot)
+        graph = self._graph.weighted(nodes, body.points, along_mean_paths.conformal)
         graph = graph.without(edges_in_scene(self._scene, graph, body, *ends, self._settings.obstacle_margin))
         return graph, self._graph.field(along_mean_paths.mean_paths, self._settings.ridge_strength), body
 

@@ -40,6 +40,7 @@ from geodesic_motion_ros.queries.query import (
     QueryBuilder,
     edges_in_scene,
 )
+from geodesic_motion_ros.robot.body_points import NO_POINTS
 from geodesic_motion_ros.robot.collision_model import CollisionModel
 from geodesic_motion_ros.robot.inverse_kinematics import solve
 from geodesic_motion_ros.robot.kinematics import Robot
@@ -263,7 +264,8 @@ class PoseQueryBuilder(QueryBuilder[Pose]):
         )
         lost = lost_edges(graph.edges, configurations, reached, constants.LARGEST_JOINT_STEP)
         points = frame.points_to_base(graph.body_points)
-        body = NodeBody.of_arm(configurations, points, self._radii, self._collision, self._links, self._robot)
+        body = NodeBody.of_arm(configurations, NO_POINTS, np.empty(0), self._collision, self._links, self._robot)
+        body = body.felt_at(points, self._radii)
         lost |= edges_in_scene(self._scene, graph, body, source, query.goal_node, self._settings.obstacle_margin)
         to_goal, from_start = query.to_goal, query.from_start
         if np.any(lost):

@@ -19,6 +19,8 @@ from geodesic_motion_ros.robot.kinematics import CHAIN, MATRIX, Robot, multiply,
 from geodesic_motion_ros.utils.errors import RobotError
 
 INDICES = numba.types.Array(numba.int64, 1, "C", readonly=True)
+#: Frames and offsets of points.
+PLACES = numba.types.Tuple((INDICES, MATRIX))
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,6 +72,9 @@ class BodyPoints:
 
     def __len__(self) -> int:
         return len(self.names)
+
+
+NO_POINTS = BodyPoints((), np.empty(0, dtype=np.int64), np.empty((0, 3)))
 
 
 def link_points(robot: Robot, link: str, points: Sequence[Sequence[float]]) -> np.ndarray:
@@ -266,22 +271,27 @@ def _write_placed(joints, points, rotations, origins, placed):
             placed[k, row] = origins[joint, row] + turned
 
 
-@numba.njit((MATRIX, INDICES, MATRIX, INDICES, MATRIX, CHAIN), cache=True, nogil=True)
-def place_two_sets(configurations, frames, offsets, other_frames, other_offsets, chain):
-    """`place_body_points` of two sets of points at once: to place the joints takes longer than to place the points."""
+@numba.njit((MATRIX, PLACES, PLACES, PLACES, CHAIN), cache=True, nogil=True)
+def place_three_sets(configurations, first, second, third, chain):
+    """`place_body_points` of three sets (frames, offsets) of points at once: to place the joints takes as long as to
+    place the points.
+    """
     terms, translations, slides, mounts, mount_origins, carriers = joint_terms(chain)
-    joints, points = mounted(frames, offsets, mounts, mount_origins, carriers)
-    other_joints, other_points = mounted(other_frames, other_offsets, mounts, mount_origins, carriers)
+    joints_1, points_1 = mounted(first[0], first[1], mounts, mount_origins, carriers)
+    joints_2, points_2 = mounted(second[0], second[1], mounts, mount_origins, carriers)
+    joints_3, points_3 = mounted(third[0], third[1], mounts, mount_origins, carriers)
     rotations = np.zeros((len(terms) + 1, 3, 3))
     unit(rotations[0])
     origins = np.zeros((len(terms) + 1, 3))
-    placed = np.empty((len(configurations), len(joints), 3))
-    other_placed = np.empty((len(configurations), len(other_joints), 3))
+    placed_1 = np.empty((len(configurations), len(joints_1), 3))
+    placed_2 = np.empty((len(configurations), len(joints_2), 3))
+    placed_3 = np.empty((len(configurations), len(joints_3), 3))
     for i in range(len(configurations)):
         place_joints(configurations[i], terms, translations, slides, rotations, origins)
-        _write_placed(joints, points, rotations, origins, placed[i])
-        _write_placed(other_joints, other_points, rotations, origins, other_placed[i])
-    return placed, other_placed
+        _write_placed(joints_1, points_1, rotations, origins, placed_1[i])
+        _write_placed(joints_2, points_2, rotations, origins, placed_2[i])
+        _write_placed(joints_3, points_3, rotations, origins, placed_3[i])
+    return placed_1, placed_2, placed_3
 
 
 @numba.njit((MATRIX, INDICES, MATRIX, CHAIN), cache=True, nogil=True)
@@ -290,7 +300,8 @@ def place_body_points(configurations, frames, offsets, chain):
 
     frames (K,) and offsets (K, 3) [m] are those of `BodyPoints`, chain that of `Robot`.
     """
-    return place_two_sets(configurations, frames, offsets, frames[:0], offsets[:0], chain)[0]
+    none = frames[:0], offsets[:0]
+    return place_three_sets(configurations, (frames, offsets), none, none, chain)[0]
 
 
 @numba.njit((MATRIX, INDICES, MATRIX, CHAIN), cache=True, nogil=True)

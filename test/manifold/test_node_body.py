@@ -6,16 +6,23 @@ import numpy as np
 import pytest
 
 from geodesic_motion_ros.manifold.node_body import LinkBounds, NodeBody
+from geodesic_motion_ros.robot.body_points import BodyPoints, place_body_points
 from geodesic_motion_ros.robot.collision_model import CollisionModel
 from geodesic_motion_ros.robot.kinematics import Robot
 
 
-def arm_body(count: int = 20, seed: int = 1) -> NodeBody:
+def arm_body(count: int = 20, seed: int = 1, radius: float = 0.05) -> NodeBody:
     robot, model = Robot.named("panda"), CollisionModel.named("panda")
-    random = np.random.default_rng(seed)
-    points = random.uniform(-0.5, 0.5, (count, 2, 3))
-    radii = np.array([0.05, 0.1])
-    return NodeBody.of_arm(robot.sample(count, random), points, radii, model, LinkBounds.of(model), robot)
+    points = BodyPoints.of(robot)
+    configurations, radii = robot.sample(count, np.random.default_rng(seed)), np.full(len(points), radius)
+    return NodeBody.of_arm(configurations, points, radii, model, LinkBounds.of(model), robot)
+
+
+def test_an_arm_feels_obstacles_at_its_body_points() -> None:
+    robot, points = Robot.named("panda"), BodyPoints.of(Robot.named("panda"))
+    configurations = robot.sample(20, np.random.default_rng(1))
+    placed = place_body_points(configurations, points.frames, points.offsets, robot.chain)
+    np.testing.assert_array_equal(arm_body().points, placed)
 
 
 def test_links_hold_all_their_spheres() -> None:
@@ -28,9 +35,11 @@ def test_links_hold_all_their_spheres() -> None:
         assert np.all(outermost <= body.link_radii[g] + 1e-9)
 
 
-@pytest.mark.parametrize("kind", ["arm", "tool"])
+@pytest.mark.parametrize("kind", ["arm", "arm that feels farther out", "tool"])
 def test_the_box_holds_everything(kind: str) -> None:
-    body = arm_body()
+    body = arm_body(radius=0.1 if kind == "tool" else 0.05)
+    if kind == "arm that feels farther out":
+        body = body.felt_at(2.0 * body.points, np.full(body.points.shape[1], 0.1))
     if kind == "tool":
         body = NodeBody.of_tool(body.points, body.point_radii)
     for centres, radii in ((body.points, body.point_radii), (body.spheres, body.sphere_radii)):

@@ -14,6 +14,7 @@ from geodesic_motion_ros.manifold.ambient_metric import ambient_factor, cloud_fa
 from geodesic_motion_ros.manifold.node_body import LinkBounds, NodeBody
 from geodesic_motion_ros.manifold.obstacle_weights import NodeEvaluation, evaluate_nodes, first_clear
 from geodesic_motion_ros.obstacles.obstacles import Obstacles
+from geodesic_motion_ros.robot.body_points import NO_POINTS
 from geodesic_motion_ros.robot.collision_model import CollisionModel
 from geodesic_motion_ros.robot.kinematics import Robot
 
@@ -25,7 +26,8 @@ def body(seed: int = 2) -> NodeBody:
     configurations = robot.sample(NODES, random)
     points = np.stack([robot.forward(configuration)[0] for configuration in configurations])[:, None]
     points = np.concatenate([points, 0.5 * points], axis=1)
-    return NodeBody.of_arm(configurations, points, np.array([0.05, 0.08]), model, LinkBounds.of(model), robot)
+    arm = NodeBody.of_arm(configurations, NO_POINTS, np.empty(0), model, LinkBounds.of(model), robot)
+    return arm.felt_at(points, np.array([0.05, 0.08]))
 
 
 def obstacles(count: int, seed: int = 3) -> Obstacles:
