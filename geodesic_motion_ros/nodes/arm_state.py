@@ -31,7 +31,6 @@ _SAME = 1e-6
 PARTS_APART = 0.1
 #: Of so many periods of its driver state_timeout should be, so that a late state does not stop the arm.
 _PERIODS = 2.0
-_TOPIC = "joint_states"
 #: Names of other joints that a reason lists.
 _MOST_NAMES = 30
 
@@ -60,8 +59,12 @@ class ArmState:
     clock : that of the driver. plausible : judges each state by the one before.
     """
 
-    def __init__(self, robot: Robot, refusals: RefusalLog, prefix: str = "") -> None:
-        """robot : its joints have the names of the messages, which begin with the prefix."""
+    def __init__(
+        self, robot: Robot, refusals: RefusalLog, prefix: str = "", topic: str = "joint_states"
+    ) -> None:
+        """robot : its joints have the names of the messages, which begin with the prefix. topic : where they come from.
+        """
+        self._topic = topic
         self._robot, self._names, self._refusals, self._prefix = robot, robot.joint_names, refusals, prefix
         self.joints: np.ndarray | None = None
         self.taken = 0.0
@@ -101,7 +104,7 @@ class ArmState:
         is_newest = True
         while self._waiting:
             wire, arrival = self._waiting.pop()
-            with self._refusals.guard(_TOPIC) as guard:
+            with self._refusals.guard(self._topic) as guard:
                 part = self._read(wire, arrival)
             if guard.reason or part is not None:
                 self._heard = max(self._heard, arrival.running)
@@ -114,7 +117,7 @@ class ArmState:
                 # What is older is not needed.
                 self._waiting.clear()
         for part in reversed(parts):
-            with self._refusals.guard(_TOPIC) as guard:
+            with self._refusals.guard(self._topic) as guard:
                 self._merge(part)
             self._refused = guard.reason or self._refused
 
@@ -152,7 +155,7 @@ class ArmState:
                 f"states come {rate:.0f} times a second, state_timeout is {timeout:g} s: one that is a little late "
                 f"stops the arm; have the driver send more, or set state_timeout to {_PERIODS / rate:.1f} or more"
             )
-        return {kind: f"{_TOPIC}: {remark}" for kind, remark in remarks.items() if remark}
+        return {kind: f"{self._topic}: {remark}" for kind, remark in remarks.items() if remark}
 
     def _read(self, wire: bytes, arrival: Moment) -> _Part | None:
         """None where a message says nothing of where the arm is."""
@@ -224,4 +227,4 @@ class ArmState:
         prefix = other_prefix(self._others, self._names, self._prefix)
         if prefix is not None:
             return f"set the parameter joint_prefix to '{prefix}'"
-        return "remap joint_states to the topic of this arm, or name its joints as its URDF does"
+        return f"remap {self._topic} to the topic of this arm, or name its joints as its URDF does"

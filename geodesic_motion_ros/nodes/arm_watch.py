@@ -41,19 +41,19 @@ class ArmWatch:
 
     Attributes
     ----------
-    lost : the lost arm; None while it is not.
+    lost : the lost arm; None while it is not. strayed : whether it was lost because it was not where it was sent.
     missing : whether joint states have been missing for so long that the goal was dropped.
     jump : of the clock [s], since the arm last was where it was sent: what was commanded before is of another time.
     """
 
     def __init__(self) -> None:
         self.lost: UnsettledArm | None = None
-        self.missing = False
+        self.strayed = self.missing = False
         self.jump = 0.0
 
     def begin(self) -> None:
         """Begin where it stands, which is where it is commanded to stand from now on."""
-        self.lost, self.missing, self.jump = None, False, 0.0
+        self.lost, self.strayed, self.missing, self.jump = None, False, False, 0.0
 
     def unrest(self, measured: np.ndarray, passed: float) -> Refusal | None:
         """Return why a lost arm that is measured again after a time [s] is not commanded; None once it has rested."""
@@ -80,5 +80,5 @@ class ArmWatch:
             return None
         reason = f"{cause}: nothing is commanded until the arm has rested for {REST_TIME:g} s"
         halt = Halt(Refusal(VerdictCode.BAD_INPUT, reason), dropping)
-        self.lost = UnsettledArm(halt.refusal, measured)
+        self.lost, self.strayed = UnsettledArm(halt.refusal, measured), deviation is not None
         return halt

@@ -26,6 +26,8 @@ class CycleInputs:
     measured : the configuration (eta,) [rad] of the newest joint state; None before the first.
     state_age : [s] since that joint state was taken.
     state_fault : what is wrong with the newest joint states; "" where nothing is.
+    drive : the configuration (eta,) [rad] that the drive of the arm says it commands; None where it has said nothing.
+    drive_age : [s] since it commanded that.
     goal : the newest requested goal, or the refusal of its message; None before the first.
     goal_number : grows with every requested goal.
     obstacles : those that exist now.
@@ -67,6 +69,8 @@ class CycleInputs:
     held_refused: str = ""
     other_arm: str = ""
     state_fault: str = ""
+    drive: np.ndarray | None = None
+    drive_age: float = 0.0
 
     @property
     def figures(self) -> dict[str, float]:
@@ -101,6 +105,7 @@ class CycleOutput:
     configuration : commanded (eta,) [rad], from a planner of configurations.
     speed : of the fastest joint [rad/s], from a planner of poses of the tool [m/s].
     mode : what the arm does (`contract.mode`); "" from planners that have no modes.
+    news : what a person should know besides, as it happens; "" for nothing.
     """
 
     verdict: Verdict
@@ -112,6 +117,7 @@ class CycleOutput:
     configuration: np.ndarray | None = None
     speed: float = 0.0
     mode: str = ""
+    news: str = ""
 
     @property
     def is_goal_refused(self) -> bool:

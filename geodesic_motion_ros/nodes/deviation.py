@@ -44,11 +44,16 @@ def joint_deviation(
     """Return how far the worst joint (eta,) is from where it was sent, and what is allowed; None within a tolerance
     [rad].
     """
-    off = np.abs(measured - commanded)
-    worst = int(np.argmax(off))
-    if off[worst] <= tolerance:
+    off, worst = farthest(measured - commanded, names)
+    if off <= tolerance:
         return None
-    return f"{off[worst]:.3f} rad in '{names[worst]}'", f"{tolerance:.3f} rad"
+    return f"{off:.3f} rad in '{worst}'", f"{tolerance:.3f} rad"
+
+
+def farthest(errors: np.ndarray, names: Sequence[str]) -> tuple[float, str]:
+    """Return the largest of errors (eta,) [rad], without its sign, and the name of its joint."""
+    worst = int(np.argmax(np.abs(errors)))
+    return float(abs(errors[worst])), names[worst]
 
 
 def have_joints_moved(measured: np.ndarray, before: np.ndarray) -> bool:

@@ -1,6 +1,7 @@
 """One cycle of the planner node: the stream of configurations that the arm is to pass. Knows nothing of ROS.
 
-What is commanded never jumps: it moves along certified references or stands still. When the arm is found further than
+What is commanded never jumps: it moves along certified references or stands still. It begins where the arm's drive
+commands it (`drive_watch`), or where it is measured where that is not known. When the arm is found further than
 a tolerance from where it was sent (it was moved, blocked, or restarted), or was unknown for long, or when the clock was
 set, the goal is dropped, and nothing is commanded until the arm has rested for a moment: then what is commanded is
 where the arm already is, and the next goal sets it moving again.
@@ -24,13 +25,15 @@ from geodesic_motion_ros.geometry.distance_field import DistanceField
 from geodesic_motion_ros.geometry.task_frame import TaskFrame
 from geodesic_motion_ros.motion.plan import Plan
 from geodesic_motion_ros.motion.tracking import COUNTED, TrackingMonitor
-from geodesic_motion_ros.nodes.arm_watch import ArmWatch, UnsettledArm
+from geodesic_motion_ros.nodes.arm_watch import REST_TIME, ArmWatch, UnsettledArm
 from geodesic_motion_ros.nodes.cycle import CycleInputs, CycleOutput, PoseArrays
 from geodesic_motion_ros.nodes.cycle_clock import CycleClock
 from geodesic_motion_ros.nodes.deviation import joint_deviation, pose_deviation
+from geodesic_motion_ros.nodes.drive_watch import DriveWatch
 from geodesic_motion_ros.nodes.input_faults import Halt, readiness, rivals, stale_state
 from geodesic_motion_ros.nodes.newest_goal import NewestGoal
 from geodesic_motion_ros.nodes.preparation import Preparation
+from geodesic_motion_ros.nodes.steady_error import SteadyError
 from geodesic_motion_ros.obstacles.obstacles import Obstacles
 from geodesic_motion_ros.planning.guarded_arm import PreparedArm
 from geodesic_motion_ros.planning.mission import GoalRequest, PreparedGoal
@@ -71,6 +74,7 @@ class PlannerCycle:
     Attributes
     ----------
     state_topic : where the arm's state comes from, as messages name it; "joint_states" until it is set.
+    steady : how far the arm rests from where it is commanded.
 
     Raises
     ------
@@ -113,6 +117,12 @@ class PlannerCycle:
         self._stood = False
         self._standing: Plan | None = None
         self._tracking = TrackingMonitor(planner.robot, planner.collision)
+        self._drive = DriveWatch(planner.robot.joint_names)
+        self.steady = SteadyError(planner.robot.joint_names)
+        # Since when what is played has been over [s, heard]; inf while it is not.
+        self._over_since = math.inf
+        # What the log is to say of this cycle.
+        self._news = ""
         self._task_frame: PoseArrays | None = None
         self._frame_verdict = Verdict()
         # Whether the goal that is being prepared is the old one, in a task frame that has moved.
@@ -152,6 +162,7 @@ class PlannerCycle:
         4. Obstacles that have the name of an object in the hand are that object, and do not count while it is held, nor
            where it was released, until the arm has left it. Where these names change, the obstacles are set anew.
         """
+        self._news = ""
         braking = self._horizon.overrun(inputs.now + self.planner.settings.latency)
         if braking is not None:
             reason = f"no cycle for {self._horizon.length:g} s: the arm came to rest by itself"
@@ -188,7 +199,8 @@ class PlannerCycle:
         near = self._near if commanded is None else commanded[0]
         self._near = measured if near is None else self.planner.robot.nearest_turn(measured, near)
         self._turned_by = measured - self._near
-        return replace(inputs, measured=self._near)
+        drive = None if inputs.drive is None else self.planner.robot.nearest_turn(inputs.drive, self._near)
+        return replace(inputs, measured=self._near, drive=drive)
 
     def _take_arm(self, inputs: CycleInputs) -> None:
         """Have what the hand holds, and settings, prepared where they are new, and count them once that is done."""
@@ -268,8 +280,11 @@ class PlannerCycle:
         if trajectory is not None and np.any(self._turned_by):
             reference, begin = trajectory
             trajectory = replace(reference, positions=reference.positions + self._turned_by), begin
+        verdict = plan.verdict
+        if verdict.ok and self.steady.reason:
+            verdict = replace(verdict, reason="; ".join(filter(None, (verdict.reason, self.steady.reason))))
         return CycleOutput(
-            plan.verdict,
+            verdict,
             self._goal.verdict,
             trajectory=trajectory,
             reference=None if path is None else path[0],
@@ -277,6 +292,7 @@ class PlannerCycle:
             configuration=None if commanded is None or self._arm.lost or self._arm.missing else commanded[0],
             speed=0.0 if commanded is None else float(np.max(np.abs(commanded[1]))),
             mode=plan.mode.value,
+            news="; ".join(filter(None, (self._news, self.steady.take_news()))),
         )
 
     def _hand_over(self, plan: Plan) -> tuple[JointReference, float] | None:
@@ -348,13 +364,37 @@ class PlannerCycle:
         self._arm.missing = self._arm.missing or bool(stale.dropping)
         return self._goal.heed(stale)
 
-    def _begin_at(self, measured: np.ndarray, now: float) -> None:
-        self._stand_at(measured, now)
+    def _begin(self, inputs: CycleInputs, measured: np.ndarray) -> Refusal | None:
+        """Begin where the arm is commanded to stand (`DriveWatch.start`); why that is not possible, None where it is.
+        """
+        if self._command_topic != "joint_trajectory":
+            self._begin_at(measured, inputs.now)
+            return None
+        # An arm that was lost was sent to stand where it was found, which a node that commands another arm never heard.
+        sent = None if self._arm.jump or not self._stood or self._arm.strayed else self._sent_to_stand(inputs)
+        start = self._drive.start(measured, sent, self.tracking_tolerance, inputs.heard - self.state_timeout)
+        if isinstance(start, Refusal):
+            return start
+        self._begin_at(start.configuration, inputs.now)
+        if start.configuration is not measured:
+            self._track(measured, inputs.now)
+        self._news = start.news
+        return None
+
+    def _sent_to_stand(self, inputs: CycleInputs) -> np.ndarray | None:
+        """Where the arm was sent to rest (eta,) [rad]; None while it is sent to move."""
+        commanded = self.planner.commanded_state(inputs.now)
+        over = commanded is not None and self.planner.remaining_motion(inputs.now) is None
+        return commanded[0] if over and not np.any(commanded[1]) else None
+
+    def _begin_at(self, configuration: np.ndarray, now: float) -> None:
+        self._stand_at(configuration, now)
         self._arm.begin()
 
-    def _stand_at(self, measured: np.ndarray, now: float) -> None:
+    def _stand_at(self, configuration: np.ndarray, now: float) -> None:
         self._tracking.forget()
-        self._standing = self.planner.stand_at(measured, now)
+        self.steady.forget()
+        self._standing = self.planner.stand_at(configuration, now)
         self._stood = self._stood or self._standing.verdict.ok
 
     def _track(self, measured: np.ndarray, taken: float) -> None:
@@ -409,23 +449,53 @@ class PlannerCycle:
 
     def _found(self, inputs: CycleInputs, measured: np.ndarray) -> Refusal | None:
         """Why the arm is not to be commanded where it was found; None where it may be."""
+        if inputs.drive is not None:
+            self._drive.take(inputs.drive, inputs.heard - inputs.drive_age)
         if not self._stood:
-            self._begin_at(measured, inputs.now)
-            return None
+            return self._begin(inputs, measured)
         if self._arm.lost is not None:
-            unrest = self._arm.unrest(measured, self._time.step)
-            if unrest is None:
-                self._begin_at(measured, inputs.now)
-            return unrest
+            return self._arm.unrest(measured, self._time.step) or self._begin(inputs, measured)
         taken, deviation = inputs.now - inputs.state_age, None
         # What was commanded is not known of a time of another clock.
         if not self._arm.jump:
             self._track(measured, taken)
             deviation = self._deviation(measured, taken)
         lost = self._goal.heed(self._arm.lose(measured, deviation))
-        if lost is not None:
+        if lost is None:
+            return self._rest(inputs, measured)
+        self.steady.forget()
+        if not self._can_brake(inputs):
             self._stand_at(measured, inputs.now)
         return lost
+
+    def _can_brake(self, inputs: CycleInputs) -> bool:
+        """Whether an arm that was just lost can be braked by what is played: its drive still follows that, or nothing
+        has moved it. To be commanded to stand where it was found would be a step.
+        """
+        if self._command_topic != "joint_trajectory" or self._arm.jump:
+            return False
+        if not self._arm.strayed:
+            return True
+        drive, taken = self._drive.commanded, inputs.now - inputs.drive_age
+        played = self.planner.commanded_state(taken)
+        if drive is None or played is None or inputs.drive_age > self.state_timeout:
+            return False
+        return joint_deviation(drive, played[0], self.planner.robot.joint_names, self.tracking_tolerance) is None
+
+    def _rest(self, inputs: CycleInputs, measured: np.ndarray) -> Refusal | None:
+        """See how far an arm at rest is from where it is commanded, and begin anew where its drive has left that; why
+        that is not possible, None where it is, and in motion.
+        """
+        sent = self._sent_to_stand(inputs)
+        self._over_since = math.inf if sent is None else min(self._over_since, inputs.heard)
+        if sent is None:
+            self.steady.forget()
+            return None
+        self.steady.add(measured, sent, inputs.heard)
+        left = inputs.heard - self._over_since >= REST_TIME and self._drive.has_left(
+            sent, inputs.heard - self.state_timeout
+        )
+        return self._begin(inputs, measured) if left and self._command_topic == "joint_trajectory" else None
 
     def _stray(self, tool: np.ndarray, where: str, limit: str) -> Halt:
         """Why an arm stops whose tool (3,) [m] is where it was sent, but not its posture.

@@ -144,13 +144,13 @@ class PlannerFace:
         inputs: CycleInputs | None,
         output: CycleOutput,
         goal_number: int,
-        margins: Mapping[str, float],
+        margins: Mapping[str, float | str],
         held: tuple[HeldObject, ...],
     ) -> None:
         """Publish what became of a cycle, and log what is new in it.
 
-        goal_number : of the newest goal. margins : what the certificate counts, by name. held : the objects in the hand
-        that are counted.
+        goal_number : of the newest goal. margins : what the certificate counts, and what is said beside it, by name.
+        held : the objects in the hand that are counted.
         """
         figures = {**margins, **({} if inputs is None else inputs.figures)}
         self.outputs.publish_status(
@@ -166,6 +166,8 @@ class PlannerFace:
             self._say(output.verdict)
         if previous is not None and previous[1].goal_verdict is not output.goal_verdict:
             self._say_goal(output)
+        if output.news:
+            self._log.info(output.news)
         if arrived := self._arrival.observe(inputs, output):
             self._log.info(arrived)
         if previous is None or _path_news(previous, (inputs, output)):

@@ -24,6 +24,7 @@ from geodesic_motion_ros.nodes.arm_state import ArmState
 from geodesic_motion_ros.nodes.cloud_thread import CloudFigures, CloudThread, points_near
 from geodesic_motion_ros.nodes.cycle import CycleInputs
 from geodesic_motion_ros.nodes.described_arm import DescribedArm
+from geodesic_motion_ros.nodes.drive_watch import DRIVE_TOPIC
 from geodesic_motion_ros.nodes.frames import frames_of
 from geodesic_motion_ros.nodes.marker_bytes import parse_marker, parse_markers
 from geodesic_motion_ros.nodes.marker_messages import (
@@ -79,7 +80,7 @@ class PlannerInputs:
     Attributes
     ----------
     frames : tells where frames other than the base frame stand.
-    arm : what the joint states say.
+    arm : what the joint states say. drive : what the arm's drive says that it commands.
     tracking_error : how far the arm may be from where it is taken to be [m]; who knows it sets it.
     """
 
@@ -104,6 +105,7 @@ class PlannerInputs:
         self._tracker = ObstacleTracker([topic for topic in parameters["required_obstacle_topics"] if topic])
         self._described = DescribedArm(robot, skill_robot, node.resolve_topic_name("robot_description"))
         self.arm = ArmState(robot, self.refusals, parameters["joint_prefix"])
+        self.drive = ArmState(robot, self.refusals, parameters["joint_prefix"], DRIVE_TOPIC)
         self._goal: GoalRequest | Refusal | None = None
         self._goal_number = 0
         origin = np.array(parameters["task_frame"])
@@ -121,7 +123,8 @@ class PlannerInputs:
         self._remembered = Remembered.nothing()
         self._stopped = threading.Event()
         self._cloud_thread = CloudThread(self._field_of, self._take_field, self._cloud_failed)
-        node.create_subscription(JointState, "joint_states", self.on_joint_states, RECENT, raw=True)
+        for topic, receive in (("joint_states", self.on_joint_states), (DRIVE_TOPIC, self.on_drive)):
+            node.create_subscription(JointState, topic, receive, RECENT, raw=True)
         self._subscribe(String, "robot_description", lambda message: self._described.receive(message.data), LATCHED)
         self._subscribe(PoseStamped, "goal_pose", self._on_goal, GOALS)
         self._subscribe(JointState, "goal_joints", self._on_goal_joints, GOALS)
@@ -149,6 +152,7 @@ class PlannerInputs:
     def snapshot(self) -> CycleInputs:
         """Return what is known now."""
         self.arm.update()
+        self.drive.update()
         moment = self.time.read()
         now = moment.running
         joints, age = self.arm.joints, now - self.arm.taken
@@ -185,6 +189,8 @@ class PlannerInputs:
             held=held,
             held_refused=held_refused,
             state_fault=self.arm.fault(now),
+            drive=self.drive.joints,
+            drive_age=now - self.drive.taken,
             other_arm=self._described.fault,
         )
 
@@ -195,6 +201,8 @@ class PlannerInputs:
             ages = self._tracker.ages(now)
             if self.arm.joints is not None:
                 ages["joint_states"] = now - self.arm.taken
+            if self.drive.joints is not None:
+                ages[DRIVE_TOPIC] = now - self.drive.taken
             if self._task_frame_taken is not None:
                 ages["task_frame"] = now - self._task_frame_taken
         return ages
@@ -303,6 +311,10 @@ class PlannerInputs:
     def on_joint_states(self, message: bytes) -> None:
         """Take a serialised JointState."""
         self.arm.receive(message, self.time.read())
+
+    def on_drive(self, message: bytes) -> None:
+        """Take a serialised JointState of what the drive commands."""
+        self.drive.receive(message, self.time.read())
 
     def _on_goal(self, message: PoseStamped) -> None:
         in_task_frame = message.header.frame_id == TASK_FRAME

@@ -105,8 +105,8 @@ class PlannerNode(LoopingNode):
             self.outputs.publish_target(*self.planner.robot.forward(output.configuration), output.configuration)
         self.face.tell(inputs, output, self.cycle.goal_number, self._margins(), self.planner.held)
 
-    def _margins(self) -> dict[str, float]:
-        """What the certificate counts."""
+    def _margins(self) -> dict[str, float | str]:
+        """What the certificate counts, and how far the arm rests beside that."""
         settings, tracking, obstacles = self.planner.settings, self.planner.tracking, self.planner.obstacles
         errors = np.concatenate([obstacles.velocity_errors, obstacles.solid_velocity_errors])
         return {
@@ -115,6 +115,8 @@ class PlannerNode(LoopingNode):
             "tracking_lag": tracking.lag,
             "obstacle_position_error": settings.obstacle_position_error,
             "obstacle_velocity_error": float(np.max(errors, initial=0.0)),
+            "steady_error_mrad": 1e3 * self.cycle.steady.size,
+            "steady_error_joint": self.cycle.steady.joint,
         }
 
     def _obstacles_changed(self) -> None:

@@ -160,7 +160,7 @@ class PlannerOutputs:
         refusals: RefusalLog,
         loop: SteadyLoop,
         plan: str,
-        figures: Mapping[str, float],
+        figures: Mapping[str, float | str],
         held: Sequence[HeldObject],
     ) -> None:
         """Publish the verdict of a cycle, sent from within its tick: ticks and durations are of those before it.

@@ -28,6 +28,7 @@ from trajectory_msgs.msg import JointTrajectory
 from visualization_msgs.msg import MarkerArray
 
 from geodesic_motion_ros.nodes.clock_offset import ClockOffset
+from geodesic_motion_ros.nodes.drive_watch import DRIVE_TOPIC
 from geodesic_motion_ros.nodes.marker_messages import MarkerScene, sphere_marker
 from geodesic_motion_ros.nodes.messages import (
     MessageRefused,
@@ -151,6 +152,7 @@ class TwinNode(LoopingNode):
         # subscribers out.
         qos = QoSProfile(depth=1)
         self._joint_states = self.create_publisher(JointState, "joint_states", qos)
+        self._commanded = self.create_publisher(JointState, DRIVE_TOPIC, qos)
         self._ee_pose = self.create_publisher(PoseStamped, "ee_pose", qos)
         self._obstacles = self.create_publisher(MarkerArray, "obstacles", qos)
         self._obstacle_point = self.create_publisher(PointStamped, "obstacle_point", qos)
@@ -300,9 +302,11 @@ class TwinNode(LoopingNode):
     def _publish_state(self) -> None:
         stamp = self._stamp()
         world = self.world
-        self._joint_states.publish(
-            joint_state_message(self._arm.joint_names, world.joint_positions, world.joint_velocities, stamp)
-        )
+        names = self._arm.joint_names
+        self._joint_states.publish(joint_state_message(names, world.joint_positions, world.joint_velocities, stamp))
+        if world.is_driven:
+            drive = world.commanded_positions, world.commanded_velocities
+            self._commanded.publish(joint_state_message(names, *drive, stamp))
         self._ee_pose.publish(pose_message(*world.tool_pose(), self._frame, stamp))
 
     def _publish_obstacles(self) -> None:

@@ -253,6 +253,16 @@ class ArmWorld:
         """Joint positions (eta,) [rad] that the motors are to reach by now."""
         return self._motion.positions.copy()
 
+    @property
+    def commanded_velocities(self) -> np.ndarray:
+        """Joint velocities (eta,) [rad/s] at which they are to do so."""
+        return self._motion.velocities.copy()
+
+    @property
+    def is_driven(self) -> bool:
+        """Whether the motors follow commands: not in free drive."""
+        return self._free is None
+
     def tool_pose(self) -> tuple[np.ndarray, np.ndarray]:
         """Measured pose of the tool in the base frame: position (3,) [m], quaternion (4,), scalar first."""
         return self.robot.forward(self.joint_positions)

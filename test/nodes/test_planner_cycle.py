@@ -34,12 +34,15 @@ HORIZON = 2.4
 
 @dataclass
 class Arm:
-    """Plays trajectories as joint_trajectory_controller does; `displaced` [rad] is what a person pushes it by."""
+    """Plays trajectories as joint_trajectory_controller does; `displaced` [rad] is what a person pushes it by, or it
+    rests beside what is commanded. tells : whether its drive says what it commands.
+    """
 
     position: np.ndarray
     now: float = 100.0
     played: tuple[JointReference, float] | None = None
     displaced: np.ndarray | None = None
+    tells: bool = False
     states: list[np.ndarray] = field(default_factory=list)
 
     def desired(self, time: float) -> np.ndarray:
@@ -109,11 +112,12 @@ def follow(cycle: PlannerCycle, arm: Arm, inputs: CycleInputs, seconds: float) -
     """Run cycles with an arm that plays what is sent; it must be continuous in position, velocity, acceleration."""
     outputs = []
     for _ in range(round(seconds / PERIOD)):
-        inputs = dataclasses.replace(inputs, measured=arm.measured(), now=arm.now, heard=arm.now)
         before = arm.desired(arm.now)
+        drive = before[0] if arm.tells else None
+        inputs = dataclasses.replace(inputs, measured=arm.measured(), drive=drive, now=arm.now, heard=arm.now)
         outputs.append(cycle.run(inputs, PERIOD))
         arm.take(outputs[-1])
-        if arm.displaced is None:
+        if arm.displaced is None or arm.tells:
             np.testing.assert_allclose(arm.desired(arm.now), before, atol=1e-6)
         arm.states.append(arm.desired(arm.now))
         arm.now += PERIOD
@@ -529,6 +533,120 @@ def test_an_old_state_is_compared_with_what_was_commanded_then(cycle, arm, input
         arm.states.append(arm.desired(arm.now))
         arm.now += PERIOD
         assert output.verdict.ok
+
+
+class TestDrive:
+    """An arm that rests beside what its drive commands, as all real ones do: what is commanded never steps."""
+
+    #: So far beside it [rad].
+    OFF = np.array([0.0, 0.002, 0.0, -0.003, 0.0, 0.0, 0.001])
+
+    @pytest.fixture
+    def cycle(self, reach_skill) -> PlannerCycle:
+        """With a planner to which nothing is known of an arm yet."""
+        return PlannerCycle(ReactivePlanner(reach_skill), 0.1, 1.0, 0.1, HORIZON, clock=lambda: 0.0)
+
+    @pytest.fixture
+    def beside(self, arm) -> Arm:
+        arm.displaced, arm.tells = self.OFF, True
+        return arm
+
+    @pytest.mark.parametrize("tells", [False, True], ids=["control: the drive says nothing", "it says where"])
+    def test_the_first_motion_begins_where_the_drive_commands_the_arm(self, cycle, beside, inputs, tells):
+        start, beside.tells = beside.position.copy(), tells
+        outputs = follow(cycle, beside, inputs, 0.3)
+        first = next(output for output in outputs if output.trajectory is not None)
+        off = 0.0 if tells else self.OFF
+        np.testing.assert_allclose(first.trajectory[0].positions[0], start + off, atol=1e-12)
+        said = [output.news for output in outputs if output.news]
+        assert len(said) == 1
+        assert ("3.00 mrad in 'panda_joint4'" in said[0]) == tells
+        assert ("nothing is heard of what the drive commands" in said[0]) != tells
+        assert arrived(arrive(cycle, beside, inputs)[-1])
+
+    def test_how_far_it_rests_from_its_command_is_a_reason_with_a_figure_and_counted(self, cycle, beside, inputs):
+        arrive(cycle, beside, inputs)
+        outputs = follow(cycle, beside, inputs, 2.0 * REST_TIME)
+        stays = "at rest the arm stays 3.0 mrad in 'panda_joint4' from where it is commanded"
+        assert outputs[-1].verdict.ok
+        assert outputs[-1].verdict.reason.endswith(stays)
+        assert [output.news for output in outputs if output.news] == [stays]
+        assert cycle.steady.size == pytest.approx(0.003)
+        # neither corrected nor stepped over
+        np.testing.assert_allclose(beside.desired(beside.now)[0], inputs.goal.configuration, atol=1e-9)
+        centres = [
+            cycle.planner.collision.positions(cycle.planner.robot, joints[None])[0]
+            for joints in (beside.measured(), beside.desired(beside.now)[0])
+        ]
+        off = np.max(np.linalg.norm(centres[0] - centres[1], axis=1))
+        assert off <= cycle.planner.tracking.error <= off + 1.01e-3
+
+    def test_it_is_counted_in_the_first_motion(self, cycle, beside, inputs):
+        """Before anything was seen of how the arm follows."""
+        while beside.played is None:
+            assert cycle.planner.tracking.error == 0.0
+            follow(cycle, beside, inputs, PERIOD)
+        assert cycle.planner.tracking.error > 0.0
+
+    def test_an_arm_elsewhere_than_its_drive_commands_it_is_not_moved(self, cycle, beside, inputs):
+        beside.displaced = np.array([0.0, 0.15, 0.0, 0.0, 0.0, 0.0, 0.0])
+        outputs = follow(cycle, beside, inputs, 0.5)
+        assert {output.verdict.code for output in outputs} == {VerdictCode.BAD_INPUT}
+        assert "0.150 rad in 'panda_joint2' from where its drive commands it" in outputs[-1].verdict.reason
+        assert all(output.trajectory is None for output in outputs)
+        beside.displaced = self.OFF
+        assert arrived(arrive(cycle, beside, inputs)[-1])
+
+    def test_an_arm_that_is_pushed_away_is_braked_by_what_its_drive_follows(self, cycle, beside, inputs):
+        """To be commanded to stand where it was found would be a step."""
+        follow(cycle, beside, inputs, 1.5)
+        assert np.max(np.abs(beside.states[-1][1])) > 0.05
+        beside.displaced = np.array([0.0, 0.3, 0.0, 0.0, 0.0, 0.0, 0.0])
+        lost = follow(cycle, beside, inputs, 1.0)
+        assert {output.verdict.code for output in lost} == {VerdictCode.BAD_INPUT}
+        np.testing.assert_array_equal(beside.states[-1][1:], 0.0)
+        beside.displaced = self.OFF
+        waiting = follow(cycle, beside, inputs, 2.0 * REST_TIME)
+        assert waiting[-1].verdict.code is VerdictCode.NO_GOAL
+        assert any("motions begin where the drive commands the arm" in output.news for output in waiting)
+        assert arrived(arrive(cycle, beside, dataclasses.replace(inputs, goal_number=2))[-1])
+        np.testing.assert_allclose(beside.desired(beside.now)[0], inputs.goal.configuration, atol=1e-9)
+
+    def test_a_drive_that_was_begun_anew_where_the_arm_is_measured_is_not_stepped(self, cycle, beside, inputs):
+        """As a controller is that was stopped and activated again."""
+        arrive(cycle, beside, inputs)
+        follow(cycle, beside, inputs, 2.0 * REST_TIME)
+        beside.position, beside.played, beside.displaced = beside.measured(), None, np.zeros(7)
+        again = follow(cycle, beside, inputs, 2.0 * REST_TIME)
+        assert any("motions begin where the drive commands the arm" in output.news for output in again)
+        assert all(output.verdict.ok for output in again)
+        arrive(cycle, beside, inputs)
+        np.testing.assert_allclose(beside.desired(beside.now)[0], inputs.goal.configuration, atol=1e-9)
+
+    @pytest.mark.parametrize("tells", [False, True])
+    def test_an_arm_that_is_back_after_a_silence_is_where_it_was_sent_to_stand(self, cycle, beside, inputs, tells):
+        """Not where it is measured: that would be a step."""
+        start, beside.tells = beside.position.copy(), tells
+        follow(cycle, beside, inputs, 1.5)
+        if not tells:
+            # the first motion was a step, and is over
+            beside.displaced = None
+        follow(cycle, beside, dataclasses.replace(inputs, state_age=2.0), 1.5)
+        np.testing.assert_array_equal(beside.states[-1][1:], 0.0)
+        beside.displaced, stands = self.OFF, beside.states[-1][0]
+        back = follow(cycle, beside, inputs, 2.0 * REST_TIME)
+        assert "joint_states were missing" in back[-1].goal_verdict.reason
+        assert all(output.trajectory is None for output in back)
+        again = follow(cycle, beside, dataclasses.replace(inputs, goal_number=2), 0.5)
+        first = next(output for output in again if output.trajectory is not None)
+        np.testing.assert_allclose(first.trajectory[0].positions[0], stands, atol=1e-9)
+        assert np.max(np.abs(stands - start)) > 0.05
+
+    def test_a_drive_that_fell_silent_is_named_where_a_motion_has_to_begin(self, cycle, beside, inputs):
+        known = dataclasses.replace(
+            inputs, measured=beside.measured(), drive=beside.position, drive_age=0.2, now=beside.now, heard=beside.now
+        )
+        assert cycle.run(known, PERIOD).verdict.reason.startswith("commanded_joint_states: the newest is older")
 
 
 class TestHeldObjects:

@@ -1,0 +1,113 @@
+"""What is commanded of an arm never steps: planner and twin, and a wire between them that has flaws of real ones."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+from bench import STEP, Bench
+from sensor_msgs.msg import JointState
+from std_msgs.msg import UInt32
+from trajectory_msgs.msg import JointTrajectory
+
+from geodesic_motion_ros.nodes.planner_node import PlannerNode
+from geodesic_motion_ros.nodes.twin_node import TwinNode
+from geodesic_motion_ros.robot.kinematics import Robot
+
+JOINTS = Robot.named("panda").joint_names
+#: A servo leaves the arm so far beside its command [rad].
+OFF = np.array([0.001, -0.003, 0.002, 0.0, 0.001, 0.0, 0.0])
+
+
+class Wire:
+    """Hands messages over between the planner and a twin in the namespace /arm.
+
+    off : (7,) [rad] the joints are measured beside where they are. tells : whether what the drive commands is handed
+    over. late : [s] so much later, by the nodes' clock, within a step of it.
+    """
+
+    def __init__(self, bench: Bench, off: np.ndarray | None = None, tells: bool = True, late: float = 0.0) -> None:
+        self._bench, self._late = bench, late
+        self._held: deque[tuple[float, Any, Any]] = deque()
+        self._hand_over(JointState, "arm/joint_states", "joint_states", lambda message: _moved(message, off))
+        if tells:
+            self._hand_over(JointState, "arm/commanded_joint_states", "commanded_joint_states")
+        self._hand_over(JointTrajectory, "joint_trajectory", "arm/joint_trajectory")
+        if late:
+            bench.repeat(STEP, self._deliver)
+
+    def _hand_over(
+        self, kind: type, source: str, target: str, change: Callable[[Any], Any] = lambda message: message
+    ) -> None:
+        publisher = self._bench.probe.create_publisher(kind, target, 10)
+
+        def hand_over(message: Any) -> None:
+            if self._late:
+                self._held.append((self._bench.now() + self._late, publisher, change(message)))
+            else:
+                publisher.publish(change(message))
+
+        self._bench.probe.create_subscription(kind, source, hand_over, 50)
+
+    def _deliver(self) -> None:
+        while self._held and self._held[0][0] <= self._bench.now():
+            _, publisher, message = self._held.popleft()
+            publisher.publish(message)
+
+
+def _moved(message: JointState, off: np.ndarray | None) -> JointState:
+    if off is not None:
+        message.position = (np.array(message.position) + off).tolist()
+    return message
+
+
+@pytest.fixture
+def options(skill_folder):
+    """A planner for a busy machine."""
+    return {
+        "skill": str(skill_folder), "state_timeout": 5.0, "resume_timeout": 60.0, "latency": 0.1,
+        "latent_view_rate": 0.0,
+    }  # fmt: skip
+
+
+@pytest.fixture
+def arm(bench, start_joints):
+    """A bench with a twin in the namespace /arm, at the start of the skill."""
+    bench.watch_planner()
+    bench.listen_to_log()
+    bench.listen(UInt32, "arm/twin/discontinuities")
+    bench.listen(JointTrajectory, "joint_trajectory")
+    bench.listen(JointState, "arm/commanded_joint_states")
+    bench.add(TwinNode, namespace="/arm", initial_joint_positions=start_joints.tolist())
+    return bench
+
+
+def arrive(bench: Bench, goal: np.ndarray) -> None:
+    bench.wait(lambda: bench.status().get("code") == "NO_GOAL", "a planner that knows of the arm")
+    bench.send_goal(goal)
+    bench.wait(lambda: bench.status()["code"] == "OK" and bench.at_goal(), "rest at the goal")
+
+
+def steps(bench: Bench) -> int:
+    """How often what the twin was to do has stepped, up to now."""
+    return bench.heard["arm/twin/discontinuities"][-1].data
+
+
+@pytest.mark.parametrize("tells", [False, True], ids=["control: the drive says nothing", "the drive says where"])
+def test_motions_begin_where_the_drive_commands_an_arm_that_rests_beside_it(arm, options, skill, start_joints, tells):
+    Wire(arm, off=OFF, tells=tells)
+    arm.add(PlannerNode, **options)
+    arrive(arm, skill.goal_pose)
+    assert (steps(arm) == 0) == tells
+    first = np.array(arm.heard["joint_trajectory"][0].points[0].positions)
+    np.testing.assert_allclose(first, start_joints + (0.0 if tells else OFF), atol=1e-5)
+    said = "3.00 mrad in 'panda_joint2' from where it is measured" if tells else "nothing is heard of what the drive"
+    arm.wait(lambda: arm.logged(said), "where motions begin, in the log")
+    stays = "at rest the arm stays 3.0 mrad in 'panda_joint2' from where it is commanded"
+    arm.wait(lambda: stays in arm.status()["reason"], "the steady error")
+    arm.wait(lambda: arm.logged(stays), "the steady error in the log")
+    assert float(arm.status()["steady_error_mrad"]) == pytest.approx(3.0, abs=0.1)
+    assert arm.status()["steady_error_joint"] == "panda_joint2"
