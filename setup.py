@@ -61,6 +61,7 @@ setup(
         # colcon puts console scripts into lib/<package> by itself, pip does not: `ros2 run` looks only there.
         (f"lib/{NAME}", [f"resource/executables/{name}" for name in EXECUTABLES]),
         *shared("config", "*.md", "*.yaml", "*.rviz", "*.xml"),
+        *shared("launch", "*.yaml"),
         *shared("models", "*"),
     ],
     entry_points={

@@ -71,7 +71,10 @@ def test_pip_registers_the_package_in_the_ament_index(installed: Path) -> None:
     assert (installed / "share" / PACKAGE / "package.xml").is_file()
 
 
-@pytest.mark.parametrize(("folder", "patterns"), [("config", ("*.md", "*.yaml", "*.rviz")), ("models", ("*",))])
+@pytest.mark.parametrize(
+    ("folder", "patterns"),
+    [("config", ("*.md", "*.yaml", "*.rviz")), ("launch", ("*.yaml",)), ("models", ("*",))],
+)
 def test_pip_ships_every_shared_file(installed: Path, folder: str, patterns: tuple[str, ...]) -> None:
     tree, share = REPOSITORY / folder, installed / "share" / PACKAGE / folder
     wanted = {f.relative_to(tree) for pattern in patterns for f in tree.rglob(pattern) if f.is_file()}
