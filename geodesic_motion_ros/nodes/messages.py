@@ -28,7 +28,7 @@ from geodesic_motion_ros.geometry.point_clouds import carry_finite
 from geodesic_motion_ros.geometry.quaternions import normalise, to_rotation
 from geodesic_motion_ros.geometry.task_frame import TaskFrame
 from geodesic_motion_ros.robot.kinematics import Robot
-from geodesic_motion_ros.simulation.trajectory_player import JointWaypoints
+from geodesic_motion_ros.trajectory.trajectory_player import JointWaypoints
 from geodesic_motion_ros.utils.checked_numbers import LARGEST_NUMBER
 from geodesic_motion_ros.utils.errors import GeodesicMotionError, RobotError
 

@@ -62,8 +62,8 @@ from geodesic_motion_ros.robot.description import RobotDescription
 from geodesic_motion_ros.robot.robot_file import published_urdf
 from geodesic_motion_ros.simulation.loading import simulated_urdf
 from geodesic_motion_ros.simulation.scripted_spheres import ScriptedSpheres
-from geodesic_motion_ros.simulation.trajectory_player import JointWaypoints
 from geodesic_motion_ros.simulation.world import ArmWorld
+from geodesic_motion_ros.trajectory.trajectory_player import JointWaypoints
 from geodesic_motion_ros.utils.errors import GeodesicMotionError, RobotError
 
 # After a stall physics makes up for what was lost, for half as long [s] of real time at most, in the next tick half as
@@ -96,7 +96,7 @@ class TwinNode(LoopingNode):
     The arm follows `target_pose`, a stream that must not pause, in the posture of `target_posture` with the same stamp,
     if there is one, or `joint_trajectory`, whichever spoke last. Stamps of
     trajectories are of the node's clock; their rules are those of joint_trajectory_controller
-    (`simulation/trajectory_player.py`). When the clock is set the arm brakes and holds.
+    (`trajectory/trajectory_player.py`). When the clock is set the arm brakes and holds.
 
     In free drive (`~/free_drive`) it follows none of them: gravity is compensated, and a hand pulls the tool towards
     the stream `~/hand_pose` by springs (`simulation/free_drive.py`).

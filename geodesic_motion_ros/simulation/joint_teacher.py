@@ -56,7 +56,7 @@ from geodesic_motion_ros.simulation.teacher import (
     pouring_motion,
     pouring_stands,
 )
-from geodesic_motion_ros.simulation.trajectory_player import JointWaypoints
+from geodesic_motion_ros.trajectory.trajectory_player import JointWaypoints
 from geodesic_motion_ros.utils.errors import DemonstrationError, RobotError
 
 LIMIT_MARGIN = 0.05

@@ -23,7 +23,7 @@ from geodesic_motion_ros.simulation.joint_motion import JointMotion
 from geodesic_motion_ros.simulation.loading import load_arm, standing_beside, strengths
 from geodesic_motion_ros.simulation.physics_client import PhysicsClient
 from geodesic_motion_ros.simulation.target_stream import TargetStream
-from geodesic_motion_ros.simulation.trajectory_player import Discontinuity, JointWaypoints, TrajectoryPlayer
+from geodesic_motion_ros.trajectory.trajectory_player import Discontinuity, JointWaypoints, TrajectoryPlayer
 from geodesic_motion_ros.utils.errors import ParameterError, RobotError
 
 SMOOTH_SPHERE = Path(pybullet_data.getDataPath()) / "sphere_smooth.obj"  # of radius one

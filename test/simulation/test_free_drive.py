@@ -9,8 +9,8 @@ import pytest
 
 from geodesic_motion_ros.geometry.quaternions import angle_between, rotate_by
 from geodesic_motion_ros.robot.kinematics import Robot
-from geodesic_motion_ros.simulation.trajectory_player import JointWaypoints
 from geodesic_motion_ros.simulation.world import ArmWorld
+from geodesic_motion_ros.trajectory.trajectory_player import JointWaypoints
 from geodesic_motion_ros.utils.errors import RobotError
 
 

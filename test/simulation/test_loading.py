@@ -10,8 +10,8 @@ import yaml
 
 from geodesic_motion_ros.robot.making import Limits, make_robot
 from geodesic_motion_ros.simulation import free_drive
-from geodesic_motion_ros.simulation.trajectory_player import JointWaypoints
 from geodesic_motion_ros.simulation.world import ArmWorld
+from geodesic_motion_ros.trajectory.trajectory_player import JointWaypoints
 
 BODY = '<collision><origin xyz="0 0 0.1"/><geometry><box size="0.08 0.08 0.18"/></geometry></collision>'
 MASS = '<inertial><origin xyz="0 0 0.1"/><mass value="1.2"/><inertia ixx="4e-3" ixy="0" ixz="0" iyy="4e-3" iyz="0" ' \

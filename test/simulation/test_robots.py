@@ -12,10 +12,10 @@ from geodesic_motion_ros.robot.collision_model import CollisionModel, self_clear
 from geodesic_motion_ros.robot.description import shipped_robots
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.robot.limits import JointLimits
-from geodesic_motion_ros.simulation.trajectory_player import JointWaypoints
 from geodesic_motion_ros.simulation.world import ArmWorld
 from geodesic_motion_ros.trajectory.timing import timed_joint_reference
 from geodesic_motion_ros.trajectory.trajectory import JointReference
+from geodesic_motion_ros.trajectory.trajectory_player import JointWaypoints
 
 TABLE = DeclaredScene.from_name("table")
 

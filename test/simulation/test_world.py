@@ -13,8 +13,8 @@ from geodesic_motion_ros.demonstrations.readers import read_demonstrations
 from geodesic_motion_ros.robot.description import shipped_robots
 from geodesic_motion_ros.robot.inverse_kinematics import pose_error, solve
 from geodesic_motion_ros.simulation.camera import VIEWS
-from geodesic_motion_ros.simulation.trajectory_player import JointWaypoints, TrajectoryPlayer
 from geodesic_motion_ros.simulation.world import ArmWorld
+from geodesic_motion_ros.trajectory.trajectory_player import JointWaypoints, TrajectoryPlayer
 from geodesic_motion_ros.utils.errors import ParameterError, RobotError
 from geodesic_motion_ros.utils.shared_files import find_shared
 

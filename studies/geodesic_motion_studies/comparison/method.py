@@ -9,8 +9,8 @@ import numpy as np
 
 from geodesic_motion_ros.geometry.curves import Pose
 from geodesic_motion_ros.obstacles.obstacles import Obstacles
-from geodesic_motion_ros.simulation.trajectory_player import JointWaypoints
 from geodesic_motion_ros.trajectory.trajectory import JointReference
+from geodesic_motion_ros.trajectory.trajectory_player import JointWaypoints
 from geodesic_motion_studies.comparison.scene import Scene
 
 #: Between ticks, and how long a motion that nothing follows takes to end [s].

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from geodesic_motion_ros.simulation.trajectory_player import JointWaypoints
 from geodesic_motion_ros.simulation.world import ArmWorld
 from geodesic_motion_ros.trajectory.trajectory import JointReference
+from geodesic_motion_ros.trajectory.trajectory_player import JointWaypoints
 
 #: Physics steps between two samples, and time the arm is given to come to rest [s].
 _STEPS, _SETTLING = 4, 0.3

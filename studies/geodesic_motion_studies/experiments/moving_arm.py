@@ -21,11 +21,11 @@ from geodesic_motion_ros.contract.settings import PlannerSettings
 from geodesic_motion_ros.kernels.loading import load_kernels
 from geodesic_motion_ros.planning.planner import ReactivePlanner
 from geodesic_motion_ros.robot.swivel import elbow_position
-from geodesic_motion_ros.simulation.trajectory_player import JointWaypoints
 from geodesic_motion_ros.simulation.world import ArmWorld
 from geodesic_motion_ros.skill.skill import Skill
 from geodesic_motion_ros.trajectory.stopping import stopping_reference
 from geodesic_motion_ros.trajectory.trajectory import PERIOD, JointReference
+from geodesic_motion_ros.trajectory.trajectory_player import JointWaypoints
 from geodesic_motion_studies.experiments.arm_queries import ArmQuery, body_spheres, draw_query
 from geodesic_motion_studies.experiments.moving_spheres import (
     LONGEST,

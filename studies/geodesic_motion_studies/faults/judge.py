@@ -14,7 +14,7 @@ import numpy as np
 from geodesic_motion_ros.geometry.quaternions import angle_between
 from geodesic_motion_ros.geometry.quintic import quintic_samples
 from geodesic_motion_ros.robot.limits import JointLimits
-from geodesic_motion_ros.simulation.trajectory_player import JointWaypoints, TrajectoryPlayer
+from geodesic_motion_ros.trajectory.trajectory_player import JointWaypoints, TrajectoryPlayer
 from geodesic_motion_ros.utils.errors import RobotError
 from geodesic_motion_studies.faults.stream_acceleration import StreamAcceleration
 

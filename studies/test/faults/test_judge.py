@@ -10,7 +10,7 @@ import pytest
 from geodesic_motion_ros.geometry.quintic import quintic_samples
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.robot.limits import JointLimits
-from geodesic_motion_ros.simulation.trajectory_player import JointWaypoints
+from geodesic_motion_ros.trajectory.trajectory_player import JointWaypoints
 from geodesic_motion_studies.faults.judge import Target, TargetJudge, Trajectory, TrajectoryJudge
 
 ROBOT = Robot.named("panda")

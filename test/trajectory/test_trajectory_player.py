@@ -10,9 +10,9 @@ from scipy.interpolate import BPoly
 
 from geodesic_motion_ros.geometry.quintic import quintic_samples
 from geodesic_motion_ros.robot.limits import JointLimits
-from geodesic_motion_ros.simulation.trajectory_player import JointWaypoints, TrajectoryPlayer
 from geodesic_motion_ros.trajectory.timing import timed_joint_reference
 from geodesic_motion_ros.trajectory.trajectory import joined
+from geodesic_motion_ros.trajectory.trajectory_player import JointWaypoints, TrajectoryPlayer
 from geodesic_motion_ros.utils.errors import RobotError
 
 STAMP = 1.7e9
