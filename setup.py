@@ -6,7 +6,9 @@ from setuptools import find_packages, setup
 
 NAME = "geodesic_motion_ros"
 #: The programs that `ros2 run` starts, and the folders where they begin.
-EXECUTABLES = {"planner": "nodes", "twin": "nodes", "record": "nodes", "paper_planner": "paper", "demo": "demo"}
+EXECUTABLES = {
+    **dict.fromkeys(("planner", "twin", "record", "franka"), "nodes"), "paper_planner": "paper", "demo": "demo",
+}  # fmt: skip
 SHARE = Path("share") / NAME
 
 
@@ -53,6 +55,7 @@ setup(
         "ros": ["ros-jazzy-rclpy[fastrtps]", "ros-jazzy-common-interfaces"],
         "learn": ["torch", "pytorch_kinematics"],
         "simulation": ["pybullet"],
+        "franka": ["pylibfranka"],
         "test": ["hypothesis", "mpmath", "mypy", "pytest", "pytest-xdist", "ruff"],
     },
     data_files=[

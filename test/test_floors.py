@@ -31,7 +31,7 @@ FLOORS = (
     {"detours"},
     {"motion"},
     {"planning", "demonstrations"},
-    {"kernels", "simulation", "visualization", "learning"},
+    {"kernels", "simulation", "visualization", "learning", "hardware"},
     {"nodes"},
     {"demo", "paper"},
     {"cli"},
@@ -44,6 +44,7 @@ LIBRARIES = {
     },
     re.compile(r"(torch|pytorch_kinematics)(\.|$)"): {"learning"},
     re.compile(r"pybullet(_data)?(\.|$)"): {"simulation"},
+    re.compile(r"(pylibfranka|franka_sim)(\.|$)"): {"hardware"},
 }
 ROOT = {"__init__.py", "__main__.py"}
 

@@ -19,9 +19,10 @@ import pytest
 REPOSITORY = Path(__file__).resolve().parents[1]
 PACKAGE = "geodesic_motion_ros"
 SOURCE = REPOSITORY / PACKAGE
-EXECUTABLES = ("planner", "twin", "record", "paper_planner", "demo")
+EXECUTABLES = ("planner", "twin", "record", "franka", "paper_planner", "demo")
+REQUIREMENTS = [f"requirements{part}.txt" for part in ("", "-benchmark", "-franka", "-robot-server")]
 NOT_SOURCE = shutil.ignore_patterns(
-    ".git", ".venv", ".*_cache", ".hypothesis", "__pycache__", "*.egg-info", "build", "install", "log", "out"
+    ".git", ".venv*", ".*_cache", ".hypothesis", "__pycache__", "*.egg-info", "build", "install", "log", "out"
 )
 ROS_NAME = r"(rclpy|\w+_msgs|builtin_interfaces|std_srvs|rcl_interfaces)"
 ROS = re.compile(rf"{ROS_NAME}(\.|$)")
@@ -210,7 +211,7 @@ def test_pip_never_brings_a_second_ros(distribution: PathDistribution) -> None:
     assert "test" in Parser().parsestr(distribution.read_text("METADATA")).get_all("Provides-Extra")
 
 
-@pytest.mark.parametrize("name", ["requirements.txt", "requirements-benchmark.txt"])
+@pytest.mark.parametrize("name", REQUIREMENTS)
 def test_requirements_pin_everything_and_name_no_package_host(name: str) -> None:
     text = (REPOSITORY / name).read_text()
     lines = [line for line in text.splitlines() if line and not line.startswith("#")]
@@ -223,7 +224,7 @@ def test_requirements_pin_every_declared_dependency(distribution: PathDistributi
     def normal(name: str) -> str:
         return re.sub(r"[-_.]+", "-", re.match(r"[A-Za-z0-9._-]+", name)[0]).lower()
 
-    texts = [(REPOSITORY / name).read_text() for name in ("requirements.txt", "requirements-benchmark.txt")]
+    texts = [(REPOSITORY / name).read_text() for name in REQUIREMENTS]
     pinned = {normal(line) for text in texts for line in text.splitlines() if "==" in line}
     studies = [line for line in requires("geodesic_motion_studies") if not line.startswith(PACKAGE)]
     assert len(studies) > 5

@@ -37,6 +37,14 @@ from geodesic_motion_ros.demo.demo_scene import DEFAULTS, DemoScene
 from geodesic_motion_ros.demo.elbow_scene import ElbowScene
 from geodesic_motion_ros.demo.hand_scene import HandScene
 from geodesic_motion_ros.demo.joint_scene import JointScene
+from geodesic_motion_ros.demo.server_probe import (
+    FOLDER,
+    ServerProbe,
+    loopback_address,
+    start_driver,
+    start_planner,
+    start_server,
+)
 from geodesic_motion_ros.geometry.quaternions import angle_between
 from geodesic_motion_ros.simulation.scripted_spheres import LineObstacle
 from geodesic_motion_ros.skill.skill import Skill
@@ -47,6 +55,8 @@ from geodesic_motion_ros.utils.tables import write_json
 LARGEST_ERROR_MM, LARGEST_ERROR_DEG, LEAST_RATE = 10.0, 3.0, 99.0
 #: A planner's period [ms], and the causes of a deadline that is missed.
 PERIOD_MS, CAUSES = 10.0, ("no path", "search", "machine")
+#: The robot server lives in a time of its own, at most as fast as real.
+_SERVER_SPEED = "1.0"
 #: The run without avoidance ends this long after the first contact [s].
 AFTER_CONTACT = 3.0
 
@@ -70,9 +80,9 @@ RUNS = (
 class Demo:
     """Plays the runs of a demo with the nodes `planner` and `twin`, and measures them."""
 
-    def __init__(self, skill: str, declared: str, out: Path, gui: bool, domain: int) -> None:
+    def __init__(self, skill: str, declared: str, out: Path, gui: bool, domain: int, served: bool = False) -> None:
         """skill : a folder, or the name of a shipped skill. declared : the parameter `scene` of both nodes; empty: what
-        the skill was recorded in, or where it does not say `SCENE`.
+        the skill was recorded in, or where it does not say `SCENE`. served : by the robot server, not the twin.
 
         Raises
         ------
@@ -80,7 +90,7 @@ class Demo:
         """
         loaded = Skill.load(skill)
         self._declared = declared or ("" if loaded.scene is not None else SCENE)
-        self._skill, self._out, self._gui, self._domain = skill, out, gui, domain
+        self._skill, self._out, self._gui, self._domain, self._served = skill, out, gui, domain, served
         around = DeclaredScene.from_name(self._declared) or DeclaredScene.of_skill(loaded)
         try:
             self.scene = scene_of(loaded, around)
@@ -94,11 +104,25 @@ class Demo:
         """Start both nodes, let the arm move, end the nodes; say : called with what is waited for."""
         environment = isolated_environment(self._domain)
         with Processes(self._out / run.key, environment) as processes:
+            if self._served:
+                return self._run_served(run, processes, say)
             processes.start("twin", self._twin_parameters(run))
             processes.start("planner", self._planner_parameters(run))
             with Probe(processes, self._domain, self.scene.skill.base_frame, self.scene.goal, say) as probe:
                 # An arm that has hit the obstacle is stuck there: what follows shows nothing.
                 return probe.run(math.inf if run.avoidance else AFTER_CONTACT)
+
+    def _run_served(self, run: Run, processes: Processes, say: Callable[[str], None]) -> Recording:
+        address, scene = loopback_address(), self.scene
+        start_server(processes, FOLDER, address, self._skill, _SERVER_SPEED)
+        start_driver(processes, address, _SERVER_SPEED)
+        start_planner(processes, _SERVER_SPEED, self._planner_parameters(run))
+        obstacle = scene.obstacle if run.obstacle else None
+        with ServerProbe(processes, self._domain, scene.skill, obstacle, say, simulated=True) as probe:
+            recording = probe.run()
+            if probe.reflexes:
+                raise DemoError(f"{run.key}: {probe.reflexes[0]}")
+            return recording
 
     def _twin_parameters(self, run: Run) -> dict[str, Any]:
         spheres = yaml.safe_dump({"ball": describe(self.scene.obstacle)}) if run.obstacle else ""
@@ -232,7 +256,7 @@ def table(summary: Mapping[str, Any]) -> str:
     return "\n".join([*lines[:2], rule, *lines[2:], *note])
 
 
-def perform(skill: str, declared: str, out: Path, gui: bool, domain: int, pictures: bool) -> int:
+def perform(skill: str, declared: str, out: Path, gui: bool, domain: int, pictures: bool, served: bool) -> int:
     """Run the demo; returns the exit code."""
     began = time.monotonic()
 
@@ -241,7 +265,7 @@ def perform(skill: str, declared: str, out: Path, gui: bool, domain: int, pictur
 
     out.mkdir(parents=True, exist_ok=True)
     say(f"loading the skill {skill}")
-    demo = Demo(skill, declared, out, gui, domain)
+    demo = Demo(skill, declared, out, gui, domain, served)
     scene = demo.scene
     recordings: dict[str, Recording] = {}
     families: dict[str, list[int]] = {}
@@ -291,8 +315,9 @@ def main(args: Sequence[str] | None = None) -> int:
     try:
         with termination_as_interrupt():
             return perform(
-                options.skill, options.scene, options.out, options.gui, options.domain, not options.no_pictures
-            )
+                options.skill, options.scene, options.out, options.gui, options.domain, not options.no_pictures,
+                options.robot_server,
+            )  # fmt: skip
     except KeyboardInterrupt:
         print("interrupted; planner and twin are stopped", file=sys.stderr)
         return 130

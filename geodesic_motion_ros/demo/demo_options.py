@@ -11,6 +11,8 @@ from pathlib import Path
 from rclpy.utilities import remove_ros_args
 
 SKILL, SCENE = "panda_reach_to_grasp", "table"
+#: The skill that is shown on the robot server.
+SERVED_SKILL = "fr3_reach_to_grasp"
 
 _DESCRIPTION = """\
 A simulated arm does a skill as it was demonstrated: three times over real ROS 2, planner and twin in two processes.
@@ -47,7 +49,10 @@ To look at it in RViz, join its ROS domain: demo --domain 7, and in another term
 def parsed(arguments: Sequence[str] | None) -> argparse.Namespace:
     """The options of a command line (without the program), of this process where it is None; as argparse, SystemExit
     where it has answered."""
-    return _parser().parse_args(remove_ros_args(args=list(sys.argv if arguments is None else ["demo", *arguments]))[1:])
+    given = remove_ros_args(args=list(sys.argv if arguments is None else ["demo", *arguments]))[1:]
+    options = _parser().parse_args(given)
+    options.skill = options.skill or (SERVED_SKILL if options.robot_server else SKILL)
+    return options
 
 
 def _parser() -> argparse.ArgumentParser:
@@ -55,7 +60,15 @@ def _parser() -> argparse.ArgumentParser:
         prog="demo", description=_DESCRIPTION, epilog=_EPILOG, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     parser.add_argument("--out", type=Path, default=Path("out/demo"), help="folder for the results (%(default)s)")
-    parser.add_argument("--skill", default=SKILL, help="skill folder, or the name of a shipped skill (%(default)s)")
+    parser.add_argument(
+        "--skill",
+        help=f"skill folder, or the name of a shipped skill ({SKILL}; with --robot-server {SERVED_SKILL})",
+    )
+    parser.add_argument(
+        "--robot-server", action="store_true",
+        help="in the place of the twin an FR3 that is simulated by franka-sim behind Franka's own protocol, with all "
+        "its reflexes, and driven by the node franka; `make robot-server` installs it",
+    )  # fmt: skip
     parser.add_argument(
         "--scene", default="",
         help="what always stands around the arm, for planner and twin: a file, the name of one in config/scenes, or "

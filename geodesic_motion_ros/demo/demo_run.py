@@ -21,7 +21,9 @@ import rclpy
 import yaml
 from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import PointStamped, PoseStamped
+from rclpy.client import Client
 from rclpy.experimental import EventsExecutor
+from rclpy.parameter import Parameter
 from rclpy.qos import QoSProfile
 from rclpy.signals import SignalHandlerOptions
 from sensor_msgs.msg import JointState
@@ -129,11 +131,17 @@ class Processes:
         module : another one of that name, within the package.
         """
         self._folder.mkdir(parents=True, exist_ok=True)
-        file, log = self._folder / f"{name}.yaml", self._folder / f"{name}.log"
+        file = self._folder / f"{name}.yaml"
         file.write_text(yaml.safe_dump({f"/**/{name}": {"ros__parameters": dict(parameters)}}, sort_keys=False))
         module = f"geodesic_motion_ros.{module or f'nodes.{name}_node'}"
         command = [*before, sys.executable, "-m", module, "--ros-args", "--params-file", str(file)]
         command += [word for names in remapped.items() for word in ("-r", ":=".join(names))]
+        self.run(name, command)
+
+    def run(self, name: str, command: Sequence[str]) -> None:
+        """Start a process that is known by a name from now on."""
+        self._folder.mkdir(parents=True, exist_ok=True)
+        log = self._folder / f"{name}.log"
         with log.open("wb") as output, _interrupts_deferred():
             # In a session of its own: Ctrl-C reaches the demo alone, which then ends its nodes in order.
             process = subprocess.Popen(
@@ -185,9 +193,16 @@ class Probe:
     """Talks to planner and twin over ROS and records what they say. All of it happens in the caller's thread."""
 
     def __init__(
-        self, processes: Processes, domain: int, frame: str, goal: np.ndarray, say: Callable[[str], None]
+        self,
+        processes: Processes,
+        domain: int,
+        frame: str,
+        goal: np.ndarray,
+        say: Callable[[str], None],
+        simulated: bool = False,
     ) -> None:
-        """say : called with what is waited for, where that takes long."""
+        """say : called with what is waited for, where that takes long. simulated : whether a node publishes `/clock`.
+        """
         self._processes, self._frame, self._goal, self._say = processes, frame, goal, say
         self._stood_at, self._stood_since = np.full(3, math.inf), math.inf
         self.recording = Recording()
@@ -197,16 +212,24 @@ class Probe:
         self._context = rclpy.Context()
         # Python's own handlers stay in place: Ctrl-C raises KeyboardInterrupt here, and the demo cleans up.
         rclpy.init(context=self._context, domain_id=domain, signal_handler_options=SignalHandlerOptions.NO)
-        self._node = rclpy.create_node("demo", context=self._context)
+        time_of_nodes = [Parameter("use_sim_time", value=simulated)]
+        self._node = rclpy.create_node("demo", context=self._context, parameter_overrides=time_of_nodes)
         self._executor = EventsExecutor(context=self._context)
         self._executor.add_node(self._node)
         self._goals = self._node.create_publisher(PoseStamped, "goal_pose", QoSProfile(depth=1))
-        self._spawn = self._node.create_client(Trigger, "twin/spawn_obstacles")
         for kind, topic, take in (
-            (PoseStamped, "ee_pose", self._on_pose),
             (JointState, "joint_states", self._on_joints),
             (PointStamped, "obstacle_point", self._on_obstacle),
             (DiagnosticArray, "planner/status", self._on_status),
+        ):
+            self._node.create_subscription(kind, topic, take, QoSProfile(depth=50))
+        self._meet_the_arm()
+
+    def _meet_the_arm(self) -> None:
+        """Make what talks to the twin alone."""
+        self._spawn = self._node.create_client(Trigger, "twin/spawn_obstacles")
+        for kind, topic, take in (
+            (PoseStamped, "ee_pose", self._on_pose),
             (Float64, "twin/clearance", self._on_clearance),
             (UInt32, "twin/contacts", self._on_contacts),
         ):
@@ -225,28 +248,38 @@ class Probe:
 
         The recording ends `after_contact` seconds after arm and obstacle have touched for the first time.
         """
+        self._make_ready()
+        self._began = self._now()
+        stamp = self._node.get_clock().now().to_msg()
+        self._goals.publish(pose_message(self._goal[:3], self._goal[3:], self._frame, stamp))
+        record, stolen = self.recording, StolenTime()
+        self._spin(lambda: self._is_over(after_contact))
+        record.stolen_percent = stolen.percent()
+        return record
+
+    def _is_over(self, after_contact: float) -> bool:
+        record = self.recording
+        return (
+            not math.isnan(record.arrived)
+            or self._now() - self._began > record.touched + after_contact
+            or time.monotonic() - self._stood_since > STANDING_PATIENCE
+        )
+
+    def _make_ready(self) -> None:
         # NO_GOAL: the planner runs, and hears the arm
         self._wait(
             lambda: self._code == "NO_GOAL" and self._spawn.service_is_ready() and self._goals.get_subscription_count(),
             "planner and twin to start",
         )  # fmt: skip
-        spawned = self._spawn.call_async(Trigger.Request())
-        self._wait(spawned.done, "the twin to spawn the obstacle")
-        if not spawned.result().success:
-            raise DemoError(f"the twin refused the obstacle: {spawned.result().message}")
-        self._began = self._now()
-        stamp = self._node.get_clock().now().to_msg()
-        self._goals.publish(pose_message(self._goal[:3], self._goal[3:], self._frame, stamp))
-        record, stolen = self.recording, StolenTime()
-        self._spin(
-            lambda: (
-                not math.isnan(record.arrived)
-                or self._now() - self._began > record.touched + after_contact
-                or time.monotonic() - self._stood_since > STANDING_PATIENCE
-            )
-        )
-        record.stolen_percent = stolen.percent()
-        return record
+        self._ask(self._spawn, Trigger.Request(), "the twin to spawn the obstacle")
+
+    def _ask(self, client: Client, request: Any, what: str) -> str:
+        """Call a service of std_srvs; returns what it answers, DemoError where it refuses."""
+        asked = client.call_async(request)
+        self._wait(asked.done, what)
+        if not asked.result().success:
+            raise DemoError(f"waited for {what}, and was refused: {asked.result().message}")
+        return asked.result().message
 
     def _wait(self, condition: Callable[[], Any], what: str) -> None:
         """Wait as long as the processes live, and say now and then what they are at."""

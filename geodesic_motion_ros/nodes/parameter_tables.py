@@ -507,4 +507,23 @@ RECORD = (
     ),
 )
 
-TABLES = {"planner": PLANNER, "twin": TWIN, "record": RECORD}
+FRANKA = (
+    Parameter("address", "", "Address of the arm's controller in the network; must be given"),
+    Parameter("robot", "fr3", "Which arm it is, by the name or folder of its description: its limits are checked"),
+    Parameter(
+        "joint_prefix",
+        "",
+        "What the names of joints begin with here, before those of the robot: left_ for left_fr3_joint1",
+    ),
+    Parameter(
+        "state_rate", 200.0, "How often `joint_states` and `commanded_joint_states` are published", "Hz", 100.0, 1000.0
+    ),
+    Parameter(
+        "clock_from_robot",
+        False,
+        "Publish the arm's own time as `/clock`, and live by it: for a simulated arm that may be slower than real; "
+        "the other nodes then have use_sim_time",
+    ),
+)
+
+TABLES = {"planner": PLANNER, "twin": TWIN, "record": RECORD, "franka": FRANKA}

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 from rclpy.utilities import remove_ros_args
 
-from geodesic_motion_ros.nodes.parameter_tables import PLANNER, RECORD, TWIN
+from geodesic_motion_ros.nodes.parameter_tables import FRANKA, PLANNER, RECORD, TWIN
 from geodesic_motion_ros.nodes.parameters import Parameter, short_text
 from geodesic_motion_ros.utils.errors import ParameterError
 
@@ -45,6 +45,13 @@ PROGRAMS = {
             ),
         ),
         Program("record", RECORD, "record.yaml"),
+        Program(
+            "franka",
+            FRANKA,
+            "franka.yaml",
+            "The driver of a Franka Research 3. Read doc/first_hour.md before it moves an arm.",
+            ("franka --ros-args -p address:=172.16.0.2",),
+        ),
     )
 }
 

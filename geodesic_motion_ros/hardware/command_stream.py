@@ -1,0 +1,81 @@
+"""What an arm is commanded, a position every millisecond: trajectories, one after the other, without a step between.
+
+Nothing is faded: one that does not continue what is commanded is refused, and the arm goes on, by what it had, to the
+rest at its end. So does an arm that hears nothing more.
+"""
+
+from __future__ import annotations
+
+import copy
+from collections import deque
+from collections.abc import Sequence
+
+import numpy as np
+
+from geodesic_motion_ros.hardware.judged_commands import PERIOD, SEEN, check_takeover
+from geodesic_motion_ros.robot.limits import JointLimits
+from geodesic_motion_ros.trajectory.trajectory_player import JointWaypoints, TrajectoryPlayer
+from geodesic_motion_ros.utils.errors import RobotError
+
+#: A trajectory that lies more [s] in the future than this waits for no takeover that anybody meant.
+LONGEST_WAIT = 1.0
+
+
+class CommandStream:
+    """Commands of an arm that begins at rest; times are of one clock [s].
+
+    Other than joint_trajectory_controller it plays a trajectory that begins in the future from then on alone: until
+    then the one before goes on, from which it was planned.
+
+    Parameters
+    ----------
+    positions : (eta,) [rad] that are commanded. limits : that each command keeps. names : of the joints.
+    """
+
+    def __init__(self, positions: np.ndarray, limits: JointLimits, names: Sequence[str]) -> None:
+        self._limits, self._names = limits, tuple(names)
+        self._player = TrajectoryPlayer(positions, np.zeros(len(positions)))
+        self._sent = deque([positions.copy() for _ in range(SEEN)], maxlen=SEEN)
+        # In the order in which they begin, with that time.
+        self._waiting: list[tuple[float, JointWaypoints, float]] = []
+
+    def receive(self, waypoints: JointWaypoints, begin: float | None, now: float) -> None:
+        """Take a trajectory that begins at a time, or one that begins now (None); it replaces those that would begin
+        later.
+
+        Raises
+        ------
+        RobotError : it has ended, or begins too far in the future.
+        """
+        begin = now if begin is None else begin
+        due = begin + float(waypoints.times[0])
+        if (late := now - begin - float(waypoints.times[-1])) > 0.0:
+            raise RobotError(f"the trajectory ends in the past, {late:.3f} s ago")
+        if due - now > LONGEST_WAIT:
+            raise RobotError(f"the trajectory begins in {due - now:.1f} s: at most {LONGEST_WAIT:g} s ahead is planned")
+        self._waiting = [other for other in self._waiting if other[0] < due]
+        self._waiting.append((due, waypoints, begin))
+
+    def command(self, now: float) -> tuple[np.ndarray, str]:
+        """Positions, velocities and accelerations (3, eta) to command now, and why a trajectory whose time has come is
+        not played; "" where none is refused. To be called once a millisecond: what it returns counts as sent.
+        """
+        refused = ""
+        due = None
+        while self._waiting and self._waiting[0][0] <= now:
+            due = self._waiting.pop(0)
+        if due is not None:
+            try:
+                self._player = self._continued(due[1], due[2], now)
+            except RobotError as error:
+                refused = f"{error}; it came into effect {1000.0 * (now - due[0]):.0f} ms after its begin"
+        state = self._player.sample(now)
+        self._sent.append(state[0])
+        return state, refused
+
+    def _continued(self, waypoints: JointWaypoints, begin: float, now: float) -> TrajectoryPlayer:
+        player = copy.copy(self._player)
+        player.replace(waypoints, begin, now)
+        coming = np.stack([player.sample(now + PERIOD * step)[0] for step in range(SEEN)])
+        check_takeover(np.stack(self._sent), coming, self._limits, self._names)
+        return player
