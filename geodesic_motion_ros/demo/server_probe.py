@@ -68,11 +68,7 @@ def start_driver(processes: Processes, address: str, speed: str) -> None:
 
 def start_planner(processes: Processes, speed: str, parameters: Mapping[str, Any]) -> None:
     """Start the node `planner` for that arm."""
-    processes.start(
-        "planner",
-        {**parameters, "use_sim_time": speed != "real"},
-        {"joint_states": "commanded_joint_states"},
-    )
+    processes.start("planner", {**parameters, "use_sim_time": speed != "real"})
 
 
 class ServerProbe(Probe):
@@ -82,7 +78,7 @@ class ServerProbe(Probe):
     ----------
     obstacle : its time begins when the goal is sent; None: there is none.
     mode, said : of the driver, the newest. reflexes : what it said of each.
-    commanded_times (n,), commanded (n, 14) : positions [rad], velocities [rad/s] that the arm was told, since the goal.
+    commanded_times (n,), commanded (n, 14) : positions [rad], velocities [rad/s] commanded since the goal.
     measured : (m, 14) of the recording's `joint_times`.
     """
 

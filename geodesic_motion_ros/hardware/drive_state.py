@@ -35,7 +35,7 @@ class DriveState:
     ----------
     count : how many states there were so far. time : of the clock of commands [s].
     success : share of the last 100 commands that reached the arm in time. lost : milliseconds without an answer so far.
-    positions, velocities : measured (7,) [rad], [rad/s]. commanded, commanded_velocities : what it was told.
+    positions, velocities : measured (7,) [rad], [rad/s]. commanded, commanded_velocities : what it is commanded.
     """
 
     count: int

@@ -19,8 +19,8 @@ class Request(NamedTuple):
     begin: float | None = None
 
 
-class Told(NamedTuple):
-    """What the node is told: with a number what came of that request, `done` or `failed`; with number 0 an event:
+class Notice(NamedTuple):
+    """What the node hears: with a number what came of that request, `done` or `failed`; with number 0 an event:
     `info`, `warning`, `error`, or `refused`, which is a trajectory.
     """
 

@@ -16,7 +16,7 @@ from concurrent.futures import TimeoutError as NotDoneInTime
 from multiprocessing.connection import Connection
 
 from geodesic_motion_ros.hardware.drive_state import SIZE, DriveState, SharedState
-from geodesic_motion_ros.hardware.drive_talk import Request, Told
+from geodesic_motion_ros.hardware.drive_talk import Request, Notice
 from geodesic_motion_ros.trajectory.trajectory_player import JointWaypoints
 from geodesic_motion_ros.utils.errors import RobotError
 
@@ -46,7 +46,7 @@ class FciLink:
         robot: str,
         clock_from_robot: bool,
         epoch: int,
-        hear: Callable[[Told], None],
+        hear: Callable[[Notice], None],
         died: Callable[[BaseException], None],
     ) -> None:
         if importlib.util.find_spec("pylibfranka") is None:
@@ -57,7 +57,7 @@ class FciLink:
         options = {"address": address, "robot": robot, "clock_from_robot": clock_from_robot, "epoch": epoch}
         self._options = json.dumps(options)
         self._hear, self._died = hear, died
-        self._answers: dict[int, Future[Told]] = {}
+        self._answers: dict[int, Future[Notice]] = {}
         self._number = 0
         self._lock = threading.Lock()
         self._closing = False
@@ -102,7 +102,7 @@ class FciLink:
         return self._shared.read()
 
     def send(self, waypoints: JointWaypoints, begin: float | None) -> None:
-        """Have a trajectory played, from a time [s] since the epoch; what is wrong with it is told later."""
+        """Have a trajectory played, from a time [s] since the epoch; what is wrong with it is heard later."""
         self._send(Request("trajectory", 0, waypoints, begin))
 
     def ask(self, kind: str) -> str:
@@ -112,21 +112,21 @@ class FciLink:
         ------
         RobotError : it was not done; says why.
         """
-        answer: Future[Told] = Future()
+        answer: Future[Notice] = Future()
         with self._lock:
             self._number += 1
             number = self._number
             self._answers[number] = answer
         self._send(Request(kind, number))
         try:
-            told = answer.result(PATIENCE)
+            notice = answer.result(PATIENCE)
         except NotDoneInTime as error:
             raise RobotError(f"the arm did not answer within {PATIENCE:g} s") from error
         finally:
             del self._answers[number]
-        if told.kind != "done":
-            raise RobotError(told.text)
-        return told.text
+        if notice.kind != "done":
+            raise RobotError(notice.text)
+        return notice.text
 
     def _send(self, request: Request) -> None:
         with self._lock:
@@ -138,11 +138,11 @@ class FciLink:
     def _listen(self) -> None:
         try:
             while True:
-                told = self._link.recv()
-                if answer := self._answers.get(told.number):
-                    answer.set_result(told)
-                elif not told.number:
-                    self._hear(told)
+                notice = self._link.recv()
+                if answer := self._answers.get(notice.number):
+                    answer.set_result(notice)
+                elif not notice.number:
+                    self._hear(notice)
         except (EOFError, OSError):
             code = self._process.wait()
             if not self._closing:

@@ -4,7 +4,7 @@
 
 It is a process of its own for the interpreter's sake: reading a message of ROS takes it longer than the arm waits. What
 it hears are requests, what it says are answers and events (`fci_link.py`), and the arm's state lies in shared memory.
-When the node is gone, the arm plays to the rest at the end of what it had, and the process ends.
+When the node has ended, the arm plays to the rest at the end of what it had, and the process ends.
 
 The arm moves between a request `arm` and the next request `disarm`, reflex, or loss of the connection; then only after
 another one. Nothing recovers by itself but the connection.
@@ -29,7 +29,7 @@ import pylibfranka as fci
 
 from geodesic_motion_ros.hardware.command_stream import CommandStream
 from geodesic_motion_ros.hardware.drive_state import JOINTS, SIZE, DriveMode, SharedState
-from geodesic_motion_ros.hardware.drive_talk import Request, Told
+from geodesic_motion_ros.hardware.drive_talk import Request, Notice
 from geodesic_motion_ros.hardware.judged_commands import PERIOD
 from geodesic_motion_ros.hardware.reflexes import errors_of, explained
 from geodesic_motion_ros.hardware.robot_clock import RobotClock
@@ -70,7 +70,7 @@ class FciProcess:
         self._said = ""
 
     def run(self) -> None:
-        """Serve until the node is gone."""
+        """Serve until the node ends."""
         self._warm_up()
         self._make_realtime()
         gc.collect()
@@ -110,7 +110,7 @@ class FciProcess:
     # ------------------------------------------------------------------ standing
 
     def _stand(self) -> bool:
-        """Read states until the node asks to follow, which is when this returns True, or is gone."""
+        """Read states until the node asks to follow, which is when this returns True, or ends."""
         mode = None
         while not self._closing:
             state = self._robot.read_once()
@@ -239,8 +239,8 @@ class FciProcess:
         self._tell("done" if done else "failed", text, request.number)
 
     def _tell(self, kind: str, text: str, number: int = 0) -> None:
-        with suppress(OSError):  # the node is gone: the next look for requests finds that
-            self._link.send(Told(kind, text, number))
+        with suppress(OSError):  # the node has ended: the next look for requests finds that
+            self._link.send(Notice(kind, text, number))
 
     # ------------------------------------------------------------------ beginning
 
@@ -291,7 +291,7 @@ def _brief(error: Exception) -> str:
 
 def main() -> None:
     """Serve the node at the other end of a socket."""
-    # It ends when the node does, and not before the arm rests: whoever interrupts a whole group means the node.
+    # It ends when the node does, and not before the arm rests: who interrupts a whole group means the node.
     for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
         signal.signal(number, signal.SIG_IGN)
     socket, memory, options = sys.argv[1:]

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 _LIMITS = "lower speed_scale or acceleration_scale of what commands it"
 _STEP = "nothing but this driver may command the arm: look who else does; else report it, with the log"
-_CONTACT = "free the arm and look what it touched, look at the load that Desk is told"
+_CONTACT = "free the arm and look what it touched, look at the load that is set in Desk"
 
 #: For each error what happened, and what to do before `~/recover`.
 REFLEXES: dict[str, tuple[str, str]] = {
@@ -33,7 +33,7 @@ REFLEXES: dict[str, tuple[str, str]] = {
     ),
     "power_limit_violation": ("the arm would have taken too much power", _LIMITS),
     "tau_j_range_violation": ("a joint would have needed more torque than it has", "lower the load or the speed"),
-    "instability_detected": ("the arm swings", "look at the load that Desk is told, and at what the arm stands on"),
+    "instability_detected": ("the arm swings", "look at the load that is set in Desk, and at what the arm stands on"),
     "joint_move_in_wrong_direction": ("a joint beyond its range was moved further out", "move it back in guiding mode"),
 }
 _UNKNOWN = "libfranka's name for it is all there is", "look it up in the manual of the arm"

@@ -26,7 +26,7 @@ import franka_sim.mujoco_franka_sim as mujoco_sim
 import numpy as np
 from franka_sim.franka_sim_server import FrankaSimServer
 
-#: Whoever commands answers within so long [s], or is silent.
+#: Who commands answers within so long [s], or is silent.
 _PATIENCE = 2.0
 #: A wait looks again after so long [s].
 _LOOK = 5e-5

@@ -23,7 +23,7 @@ from std_srvs.srv import SetBool, Trigger
 from trajectory_msgs.msg import JointTrajectory
 
 from geodesic_motion_ros.hardware.drive_state import JOINTS, DriveMode, DriveState
-from geodesic_motion_ros.hardware.drive_talk import Told
+from geodesic_motion_ros.hardware.drive_talk import Notice
 from geodesic_motion_ros.hardware.fci_link import FciLink
 from geodesic_motion_ros.hardware.judged_commands import check_motion
 from geodesic_motion_ros.nodes.messages import (
@@ -167,20 +167,20 @@ class FrankaNode(LoopingNode):
         status = diagnostic_status(level, name, f"{state.mode.name}: {message}", self._address, values)
         self._status.publish(diagnostic_array([status], self.get_clock().now().to_msg()))
 
-    def _hear(self, told: Told) -> None:
-        if told.kind == "refused":
-            self.refusals.add(_TRAJECTORIES, told.text)
+    def _hear(self, notice: Notice) -> None:
+        if notice.kind == "refused":
+            self.refusals.add(_TRAJECTORIES, notice.text)
             return
         with self._newest_lock:
-            self._newest = told.text
+            self._newest = notice.text
         log = self.get_logger()
         # each from a line of its own: rclpy keeps the level of a line
-        if told.kind == "info":
-            log.info(told.text)
-        elif told.kind == "warning":
-            log.warning(told.text)
+        if notice.kind == "info":
+            log.info(notice.text)
+        elif notice.kind == "warning":
+            log.warning(notice.text)
         else:
-            log.error(told.text)
+            log.error(notice.text)
 
     # ---------------------------------------------------------------- what it is asked for
 
