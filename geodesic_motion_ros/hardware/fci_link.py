@@ -16,7 +16,7 @@ from concurrent.futures import TimeoutError as NotDoneInTime
 from multiprocessing.connection import Connection
 
 from geodesic_motion_ros.hardware.drive_state import SIZE, DriveState, SharedState
-from geodesic_motion_ros.hardware.drive_talk import Request, Notice
+from geodesic_motion_ros.hardware.drive_talk import Notice, Request
 from geodesic_motion_ros.trajectory.trajectory_player import JointWaypoints
 from geodesic_motion_ros.utils.errors import RobotError
 

@@ -29,7 +29,7 @@ import pylibfranka as fci
 
 from geodesic_motion_ros.hardware.command_stream import CommandStream
 from geodesic_motion_ros.hardware.drive_state import JOINTS, SIZE, DriveMode, SharedState
-from geodesic_motion_ros.hardware.drive_talk import Request, Notice
+from geodesic_motion_ros.hardware.drive_talk import Notice, Request
 from geodesic_motion_ros.hardware.judged_commands import PERIOD
 from geodesic_motion_ros.hardware.reflexes import errors_of, explained
 from geodesic_motion_ros.hardware.robot_clock import RobotClock

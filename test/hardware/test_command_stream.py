@@ -101,7 +101,7 @@ def test_a_trajectory_of_the_future_waits_for_its_begin_on_the_old_one(arm) -> N
     check_as_the_arm_does(np.concatenate([rows, after]), arm)
 
 
-def test_of_several_that_wait_those_that_begin_later_give_way_to_a_newer_one(arm) -> None:
+def test_of_several_that_wait_those_that_begin_later_are_replaced_by_a_newer_one(arm) -> None:
     rest = arm.robot.ready, np.zeros(7), np.zeros(7)
     first, second, third = (arm.motion(seed, *rest) for seed in (1, 2, 3))
     stream = CommandStream(rest[0], arm.limits, arm.names)
