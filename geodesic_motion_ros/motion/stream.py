@@ -6,6 +6,8 @@ acceleration; every one ends at rest.
 
 from __future__ import annotations
 
+import math
+from copy import copy
 from dataclasses import replace
 
 import numpy as np
@@ -25,6 +27,7 @@ class Stream:
     ----------
     played : the newest trajectory that was handed out; None where it is not known where the arm stands.
     followed : the plan behind it; None where the arm was only said to stand.
+    takeover : when it departs from the one before [s].
     """
 
     def __init__(self, certifier: ArmCertifier) -> None:
@@ -35,6 +38,7 @@ class Stream:
         """Forget all that was played: where the arm is is not known any more."""
         self.played: PlayedTrajectory | None = None
         self.followed: FollowedPlan | None = None
+        self.takeover = -math.inf
         # The trajectory until `played` began: the arm's newest state may be older than that.
         self._played_before: PlayedTrajectory | None = None
 
@@ -101,7 +105,12 @@ class Stream:
             old = replace(old, reference=replace(old.reference, latent=latent))
         whole = old.continue_by(plan.trajectory, begin - self.played.begin, plan.begin - self.played.begin)
         self._replace(whole, begin)
+        self.takeover = plan.begin
         return replace(plan, trajectory=whole, begin=begin)
+
+    def kept(self) -> Stream:
+        """Return the stream as it is now, which goes on with what is played now where that is to be taken back."""
+        return copy(self)
 
     def _replace(self, trajectory: JudgedTrajectory, begin: float) -> None:
         self._played_before, self.played = self.played, PlayedTrajectory(trajectory, begin, self._certifier)

@@ -28,6 +28,7 @@ class CycleInputs:
     state_fault : what is wrong with the newest joint states; "" where nothing is.
     drive : the configuration (eta,) [rad] that the drive of the arm says it commands; None where it has said nothing.
     drive_age : [s] since it commanded that.
+    transit : the longest that messages of the arm have lately taken to here [s].
     goal : the newest requested goal, or the refusal of its message; None before the first.
     goal_number : grows with every requested goal.
     obstacles : those that exist now.
@@ -71,6 +72,7 @@ class CycleInputs:
     state_fault: str = ""
     drive: np.ndarray | None = None
     drive_age: float = 0.0
+    transit: float = 0.0
 
     @property
     def figures(self) -> dict[str, float]:

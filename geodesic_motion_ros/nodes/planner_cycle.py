@@ -28,11 +28,13 @@ from geodesic_motion_ros.motion.tracking import COUNTED, TrackingMonitor
 from geodesic_motion_ros.nodes.arm_watch import REST_TIME, ArmWatch, UnsettledArm
 from geodesic_motion_ros.nodes.cycle import CycleInputs, CycleOutput, PoseArrays
 from geodesic_motion_ros.nodes.cycle_clock import CycleClock
+from geodesic_motion_ros.nodes.delivery import Lately, takeover_delay
 from geodesic_motion_ros.nodes.deviation import joint_deviation, pose_deviation
 from geodesic_motion_ros.nodes.drive_watch import DriveWatch
 from geodesic_motion_ros.nodes.input_faults import Halt, readiness, rivals, stale_state
 from geodesic_motion_ros.nodes.newest_goal import NewestGoal
 from geodesic_motion_ros.nodes.preparation import Preparation
+from geodesic_motion_ros.nodes.sent_trajectories import SentTrajectories
 from geodesic_motion_ros.nodes.steady_error import SteadyError
 from geodesic_motion_ros.obstacles.obstacles import Obstacles
 from geodesic_motion_ros.planning.guarded_arm import PreparedArm
@@ -75,6 +77,8 @@ class PlannerCycle:
     ----------
     state_topic : where the arm's state comes from, as messages name it; "joint_states" until it is set.
     steady : how far the arm rests from where it is commanded.
+    withheld : how many trajectories were found too late to be sent. not_taken : how often the drive went on with
+        what was sent before.
 
     Raises
     ------
@@ -109,6 +113,12 @@ class PlannerCycle:
         self._goals_wait, self._uncounted = False, ""
         self._obstacles_version = -1
         self._horizon = Horizon(horizon)
+        self._sent = SentTrajectories()
+        # By how much more than is measured of messages trajectories were too late to be sent [s].
+        self._lacking = Lately()
+        self.withheld = self.not_taken = 0
+        # The time of the cycle [s], and whether it stands while the cycle lasts.
+        self._started, self._simulated = 0.0, False
         self.tracking_tolerance, self.tool_tolerance = tracking_tolerance, tool_tolerance
         # An arm that does not hold the posture it was sent, and where its tool was when it last did not (3,) [m].
         self._astray: UnsettledArm | None = None
@@ -163,7 +173,8 @@ class PlannerCycle:
            where it was released, until the arm has left it. Where these names change, the obstacles are set anew.
         """
         self._news = ""
-        braking = self._horizon.overrun(inputs.now + self.planner.settings.latency)
+        self._take_delivery(inputs)
+        braking = self._horizon.overrun(inputs.now + self.planner.latency)
         if braking is not None:
             reason = f"no cycle for {self._horizon.length:g} s: the arm came to rest by itself"
             self.planner.record_braking(braking.reference, braking.begin, Refusal(VerdictCode.DEADLINE_MISSED, reason))
@@ -176,8 +187,32 @@ class PlannerCycle:
             self._not_counted, self._obstacles_version = names, -1
         return self._run(self._in_turn(inputs).without(_labels(names)), period)
 
+    def _take_delivery(self, inputs: CycleInputs) -> None:
+        """Have trajectories take over as late as they are heard."""
+        self._began, self._started, self._simulated = self._clock(), inputs.now, inputs.simulated
+        if self._command_topic == "joint_trajectory":
+            late = max(inputs.transit - TRANSIT, self._lacking.largest(self._began))
+            self.planner.set_late(takeover_delay(late))
+
+    def _follow_drive(self, inputs: CycleInputs) -> None:
+        """Plan on from the trajectory that the drive goes on with, where it has not taken a later one."""
+        if inputs.drive is None or inputs.drive_age > self.state_timeout or self._arm.lost is not None:
+            return
+        if (fallen_back := self._sent.fallen_back(inputs.drive, inputs.now - inputs.drive_age)) is None:
+            return
+        sent, waited = fallen_back
+        self.not_taken += 1
+        self._news = (
+            f"the drive goes on with an earlier trajectory than that which should have taken over {waited:.2f} s ago: "
+            "that came too late, or was refused; another one is planned from where the drive is"
+        )
+        self._horizon.fall_back(sent)
+        self.planner.record_braking(
+            sent.reference, sent.begin, Refusal(VerdictCode.DEADLINE_MISSED, "the drive has not taken what was sent")
+        )
+
     def _run(self, inputs: CycleInputs, period: float) -> CycleOutput:
-        self._began = self._clock()
+        self._follow_drive(inputs)
         if why := self._time.read(inputs, period):
             self._arm.jump = self._time.jump
             self._goal.drop(why)
@@ -252,6 +287,7 @@ class PlannerCycle:
 
     def stop(self, verdict: Refusal) -> CycleOutput:
         """End a cycle that failed, in `run` or before: come to rest, and say why."""
+        self._began, self._started, self._news = self._clock(), self._now, ""
         return self._output(self.planner.stop(self._now, verdict, self._handover_deadline()))
 
     def _handover_deadline(self) -> Deadline:
@@ -273,7 +309,28 @@ class PlannerCycle:
             plan = self.planner.stop(self._now, plan.verdict, self._handover_deadline())
         return self._output(plan)
 
+    def _withheld(self, plan: Plan) -> Plan:
+        """The plan, or without its trajectory where that would be heard after it takes over, and so be a step: what is
+        played goes on, and the next cycle plans again, for a later time.
+        """
+        if plan.reference is None or self._simulated or self._command_topic != "joint_trajectory":
+            return plan
+        late = self.planner.latency - self.planner.settings.latency
+        heard = self._started + self._clock() - self._began + TRANSIT + late
+        takeover = self.planner.takeover
+        if heard <= takeover:
+            return plan
+        self.planner.withdraw()
+        self.withheld += 1
+        self._lacking.add(late + heard - takeover, self._began)
+        reason = (
+            f"what was found would be heard {1e3 * (heard - takeover):.0f} ms after it takes over, a step: the next "
+            "cycles plan for later"
+        )
+        return Plan(None, self._now, Refusal(VerdictCode.DEADLINE_MISSED, reason), mode=plan.mode)
+
     def _output(self, plan: Plan) -> CycleOutput:
+        plan = self._withheld(plan)
         trajectory = self._hand_over(plan)
         commanded = self.planner.commanded_state(self._now)
         path = self.planner.motion_to_goal() if plan.verdict.ok else None
@@ -302,16 +359,19 @@ class PlannerCycle:
             # The arm was found elsewhere: what was being played must not go on. And a trajectory that has ended when
             # it arrives would be refused.
             self._horizon.forget()
-            return standing.reference, standing.begin + self.planner.settings.latency
+            self._sent.forget()
+            return standing.reference, standing.begin + self.planner.latency
         limits = self.planner.played_limits
         if plan.reference is not None:
             sent = self._horizon.bound(plan.reference, plan.begin, self._now, limits)
+            self._sent.add(sent, self.planner.takeover)
         elif plan.verdict.code is VerdictCode.DEADLINE_MISSED:
             # What is being played is a stop already, or a path that this cycle found no time to certify, or to stop on:
             # the arm brakes where what was sent ends.
             return None
         elif self._horizon.must_renew(self._now) and (playing := self.planner.remaining_motion(self._now)) is not None:
             sent = self._horizon.bound(*playing, self._now, limits)
+            self._sent.add(sent, self._now)
         else:
             return None
         return sent.reference, sent.begin

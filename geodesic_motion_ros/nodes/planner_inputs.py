@@ -23,6 +23,7 @@ from geodesic_motion_ros.geometry.pose import Pose
 from geodesic_motion_ros.nodes.arm_state import ArmState
 from geodesic_motion_ros.nodes.cloud_thread import CloudFigures, CloudThread, points_near
 from geodesic_motion_ros.nodes.cycle import CycleInputs
+from geodesic_motion_ros.nodes.delivery import TransitWatch, stamp_of
 from geodesic_motion_ros.nodes.described_arm import DescribedArm
 from geodesic_motion_ros.nodes.drive_watch import DRIVE_TOPIC
 from geodesic_motion_ros.nodes.frames import frames_of
@@ -105,6 +106,7 @@ class PlannerInputs:
         self._tracker = ObstacleTracker([topic for topic in parameters["required_obstacle_topics"] if topic])
         self._described = DescribedArm(robot, skill_robot, node.resolve_topic_name("robot_description"))
         self.arm = ArmState(robot, self.refusals, parameters["joint_prefix"])
+        self._transit = TransitWatch()
         self.drive = ArmState(robot, self.refusals, parameters["joint_prefix"], DRIVE_TOPIC)
         self._goal: GoalRequest | Refusal | None = None
         self._goal_number = 0
@@ -158,6 +160,7 @@ class PlannerInputs:
         joints, age = self.arm.joints, now - self.arm.taken
         with self._lock:
             goal, number, hold = self._goal, self._goal_number, self._hold
+            transit = self._transit.longest(now)
             task_frame = self._task_frame
             publishers, subscribers = self._publishers, self._subscribers
             obstacles = self._tracker.current(now)
@@ -191,6 +194,7 @@ class PlannerInputs:
             state_fault=self.arm.fault(now),
             drive=self.drive.joints,
             drive_age=now - self.drive.taken,
+            transit=transit,
             other_arm=self._described.fault,
         )
 
@@ -310,7 +314,10 @@ class PlannerInputs:
 
     def on_joint_states(self, message: bytes) -> None:
         """Take a serialised JointState."""
-        self.arm.receive(message, self.time.read())
+        moment = self.time.read()
+        self.arm.receive(message, moment)
+        with self._lock:
+            self._transit.take(stamp_of(message), moment)
 
     def on_drive(self, message: bytes) -> None:
         """Take a serialised JointState of what the drive commands."""

@@ -115,6 +115,9 @@ class PlannerNode(LoopingNode):
             "tracking_lag": tracking.lag,
             "obstacle_position_error": settings.obstacle_position_error,
             "obstacle_velocity_error": float(np.max(errors, initial=0.0)),
+            "takeover_delay": self.planner.latency - settings.latency,
+            "withheld_trajectories": self.cycle.withheld,
+            "trajectories_not_taken": self.cycle.not_taken,
             "steady_error_mrad": 1e3 * self.cycle.steady.size,
             "steady_error_joint": self.cycle.steady.joint,
         }

@@ -34,7 +34,13 @@ class SenderClock:
             self._begun = arrival.running
         transit = arrival.transit(stamp)
         self._least[0] = min(self._least[0], transit)
-        return transit if transit >= 0.0 else transit - min(self._least)
+        return transit if transit >= 0.0 else transit - self.least
+
+    @property
+    def least(self) -> float:
+        """The least that messages of the last second or two were in transit for by their stamps [s]; inf without any.
+        """
+        return min(self._least)
 
     def remark(self, now: float) -> str:
         """Return the difference of the clocks, where there seems to be one; "" where there is none, or no message
@@ -42,7 +48,7 @@ class SenderClock:
 
         now : [s, running].
         """
-        least = min(self._least)
+        least = self.least
         if abs(least) < NAMED or least == float("inf") or now - self._newest > 2.0 * _SPAN:
             return ""
         where, cause = ("ahead of", "") if least < 0.0 else ("behind", ", or its messages are late")

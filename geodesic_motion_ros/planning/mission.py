@@ -81,6 +81,7 @@ class Inputs:
 
     position_error : the setting `obstacle_position_error` [m].
     unchanged_since : since when the obstacles have been the same, at the same places [s].
+    late : what is handed out arrives so much later than the setting `latency` allows for [s].
     """
 
     obstacles: Obstacles
@@ -88,6 +89,7 @@ class Inputs:
     tracking: Tracking
     frame: TaskFrame
     unchanged_since: float = 0.0
+    late: float = 0.0
 
     def with_obstacles(self, obstacles: Obstacles, now: float) -> Inputs:
         """Return the inputs with the obstacles that are received at `now` [s], in the place of those before."""

@@ -112,6 +112,9 @@ class ReactivePlanner:
         self._mission, self._memory = Mission(), AttemptMemory()
         # Limits that what is being played keeps; None: the present ones.
         self._earlier_limits: JointLimits | None = None
+        # All that the last step has changed, as it was before.
+        self._before: tuple[Stream, Mission, AttemptMemory, JointLimits | None]
+        self._before = self._stream.kept(), self._mission, self._memory, None
         # The time of the newest tick [s].
         self._ticked = 0.0
         # It counts up when prepared goals become stale: the arm stands elsewhere, holds other objects, or has other
@@ -137,6 +140,17 @@ class ReactivePlanner:
     def played_limits(self) -> JointLimits:
         """The limits that what is being played keeps: for a moment after they were lowered still those from before."""
         return self._earlier_limits or self.limits
+
+    @property
+    def latency(self) -> float:
+        """A new trajectory takes over so long after the tick that finds it [s]: the setting, and what `set_late` adds.
+        """
+        return self.settings.latency + self._inputs.late
+
+    @property
+    def takeover(self) -> float:
+        """When the newest trajectory that was handed out takes over [s]; until then it repeats the one before."""
+        return self._stream.takeover
 
     @property
     def collision(self) -> CollisionModel:
@@ -203,7 +217,7 @@ class ReactivePlanner:
         # The thread that ticks may replace these meanwhile.
         generation, played, followed = self._generation, self._stream.played, self._stream.followed
         kept = not isinstance(goal, Refusal) and self._mission.needs_no_query(goal)
-        begin = self._ticked + self.settings.latency
+        begin = self._ticked + self.latency
         state = None if kept or played is None else played.state_at_switch(begin, followed)
         if state is not None and not np.any(state.velocity) and request.pose is not None:
             goal = self._arm.queries.goal_in_place(request.pose, frame, state.position) or goal
@@ -310,6 +324,16 @@ class ReactivePlanner:
         rounded = tracking.round_up()
         if rounded != self._inputs.tracking:
             self._inputs = replace(self._inputs, tracking=rounded)
+
+    def set_late(self, late: float) -> None:
+        """Say how much later [s] than the setting `latency` allows for what is handed out is heard: from now on
+        trajectories take over so much later, for until then they repeat what is being played.
+
+        PlanningError where it is negative or not finite.
+        """
+        check_number("late [s]", late, 0.0, LARGEST_NUMBER)
+        if late != self._inputs.late:
+            self._inputs = replace(self._inputs, late=late)
 
     def set_detour(self, reach: float) -> Verdict:
         """Say, from any thread, how far [m] the tool may leave what was demonstrated; a detour being followed stays.
@@ -469,6 +493,14 @@ class ReactivePlanner:
         check_time("begin", begin)
         self._stream.record_braking(self._judged(reference, begin), begin, verdict)
 
+    def withdraw(self) -> None:
+        """Take back what the newest `tick` or `stop` has handed out, which was not sent: the arm plays on what it
+        played, and the next tick decides again. To be called before anything else is done.
+        """
+        self._stream, self._mission, memory, self._earlier_limits = self._before
+        # A search of a detour that was begun is not begun again.
+        self._memory = replace(memory, detour=self._memory.detour or memory.detour)
+
     def motion_to_goal(self) -> tuple[JointReference, float] | None:
         """Return the motion that is being played and the time of its first knot [s]; None where it leads to no goal."""
         return self._stream.motion_to_goal()
@@ -518,11 +550,12 @@ class ReactivePlanner:
         return Situation(
             self.settings, self.limits, certifier, stream.played, stream.followed, now, inputs.enlarged_obstacles,
             deadline, handover_deadline, self._reach, inputs.unchanged_since, self._earlier_limits,
-            self._arm.solver.tool,
+            self._arm.solver.tool, inputs.late,
         )  # fmt: skip
 
     def _commit(self, situation: Situation, mission: Mission, decision: Decision) -> Plan:
         """Play a decision, and remember it: nothing else in a tick changes the planner."""
+        self._before = self._stream.kept(), mission, self._memory, self._earlier_limits
         memory = decision.memory
         if decision.detour is not None:
             latent, obstacles = situation.state.latent, situation.expected_obstacles

@@ -60,6 +60,7 @@ class Situation:
     unchanged_since : since when the obstacles have been the same, at the same places [s].
     earlier_limits : limits that what is being played keeps, where `limits` or those of the tool have been changed
         since; None: it keeps these. tool : with its limits; None: it has none.
+    late : another trajectory takes over so much later than the setting `latency` says [s], as messages are late.
     """
 
     settings: PlannerSettings
@@ -75,6 +76,7 @@ class Situation:
     unchanged_since: float = 0.0
     earlier_limits: JointLimits | None = None
     tool: LimitedTool | None = None
+    late: float = 0.0
 
     @property
     def is_late(self) -> bool:
@@ -94,7 +96,7 @@ class Situation:
     @cached_property
     def state(self) -> MotionState:
         """The state of motion in which another trajectory takes over."""
-        return self.played.state_at_switch(self.now + self.settings.latency, self.followed)
+        return self.played.state_at_switch(self.now + self.settings.latency + self.late, self.followed)
 
     @cached_property
     def expected_obstacles(self) -> Obstacles:

@@ -70,6 +70,15 @@ class Horizon:
         """What was sent last, where the arm will brake by itself by a time [s]: that is what it plays then."""
         return self._sent if self._sent is not None and soon >= self._sent.brakes else None
 
+    @property
+    def sent(self) -> Sent | None:
+        """What was sent last; None where nothing was, or that does not count any more."""
+        return self._sent
+
+    def fall_back(self, sent: Sent) -> None:
+        """What was sent last has not been taken: another one, of before, is played."""
+        self._sent = sent
+
     def forget(self) -> None:
         """What was sent last does not count any more."""
         self._sent = None

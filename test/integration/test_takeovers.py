@@ -15,9 +15,7 @@ from trajectory_msgs.msg import JointTrajectory
 
 from geodesic_motion_ros.nodes.planner_node import PlannerNode
 from geodesic_motion_ros.nodes.twin_node import TwinNode
-from geodesic_motion_ros.robot.kinematics import Robot
 
-JOINTS = Robot.named("panda").joint_names
 #: A servo leaves the arm so far beside its command [rad].
 OFF = np.array([0.001, -0.003, 0.002, 0.0, 0.001, 0.0, 0.0])
 
@@ -26,27 +24,41 @@ class Wire:
     """Hands messages over between the planner and a twin in the namespace /arm.
 
     off : (7,) [rad] the joints are measured beside where they are. tells : whether what the drive commands is handed
-    over. late : [s] so much later, by the nodes' clock, within a step of it.
+    over. late : [s] so much later, by the nodes' clock, within a step of it. known : whether messages of the arm are
+    late, too.
     """
 
-    def __init__(self, bench: Bench, off: np.ndarray | None = None, tells: bool = True, late: float = 0.0) -> None:
-        self._bench, self._late = bench, late
+    def __init__(
+        self,
+        bench: Bench,
+        off: np.ndarray | None = None,
+        tells: bool = True,
+        late: float = 0.0,
+        known: bool = True,
+    ) -> None:
+        self._bench = bench
         self._held: deque[tuple[float, Any, Any]] = deque()
-        self._hand_over(JointState, "arm/joint_states", "joint_states", lambda message: _moved(message, off))
+        back = late if known else 0.0
+        self._hand_over(JointState, "arm/joint_states", "joint_states", back, lambda message: _moved(message, off))
         if tells:
-            self._hand_over(JointState, "arm/commanded_joint_states", "commanded_joint_states")
-        self._hand_over(JointTrajectory, "joint_trajectory", "arm/joint_trajectory")
+            self._hand_over(JointState, "arm/commanded_joint_states", "commanded_joint_states", back)
+        self._hand_over(JointTrajectory, "joint_trajectory", "arm/joint_trajectory", late)
         if late:
             bench.repeat(STEP, self._deliver)
 
     def _hand_over(
-        self, kind: type, source: str, target: str, change: Callable[[Any], Any] = lambda message: message
+        self,
+        kind: type,
+        source: str,
+        target: str,
+        late: float,
+        change: Callable[[Any], Any] = lambda message: message,
     ) -> None:
         publisher = self._bench.probe.create_publisher(kind, target, 10)
 
         def hand_over(message: Any) -> None:
-            if self._late:
-                self._held.append((self._bench.now() + self._late, publisher, change(message)))
+            if late:
+                self._held.append((self._bench.now() + late, publisher, change(message)))
             else:
                 publisher.publish(change(message))
 
@@ -111,3 +123,22 @@ def test_motions_begin_where_the_drive_commands_an_arm_that_rests_beside_it(arm,
     arm.wait(lambda: arm.logged(stays), "the steady error in the log")
     assert float(arm.status()["steady_error_mrad"]) == pytest.approx(3.0, abs=0.1)
     assert arm.status()["steady_error_joint"] == "panda_joint2"
+
+
+@pytest.mark.parametrize("known", [False, True], ids=["control: that is not known", "that is measured"])
+def test_takeovers_give_no_step_though_trajectories_arrive_late(arm, options, skill, known):
+    """By 0.2 s, twice the latency, as goals change in motion; the twin counts steps, as an arm does by itself."""
+    Wire(arm, late=0.2, known=known)
+    arm.add(PlannerNode, **options)
+    arm.wait(lambda: arm.status().get("code") == "NO_GOAL", "a planner that knows of the arm")
+    for number in range(6):
+        goal = skill.goal_pose.copy()
+        goal[1] += 0.02 * (-1) ** number
+        arm.send_goal(goal)
+        arm.wait(lambda number=number: arm.status()["goal_number"] == str(number + 1), "the goal at the planner")
+        arm.live(0.5)
+    arm.wait(lambda: arm.status()["code"] == "OK" and arm.at_goal(), "rest at the goal")
+    assert (steps(arm) == 0) == known
+    if known:
+        assert float(arm.status()["takeover_delay"]) == pytest.approx(0.2, abs=2.0 * STEP)
+        assert arm.status()["trajectories_not_taken"] == "0"

@@ -24,6 +24,7 @@ from geodesic_motion_ros.planning.planner import ReactivePlanner
 from geodesic_motion_ros.robot.held_objects import HeldObject
 from geodesic_motion_ros.robot.inverse_kinematics import solve
 from geodesic_motion_ros.robot.kinematics import Robot
+from geodesic_motion_ros.simulation.trajectory_player import Discontinuity
 from geodesic_motion_ros.skill.skill import Skill
 from geodesic_motion_ros.trajectory.trajectory import JointReference
 from geodesic_motion_ros.utils.errors import ParameterError
@@ -647,6 +648,136 @@ class TestDrive:
             inputs, measured=beside.measured(), drive=beside.position, drive_age=0.2, now=beside.now, heard=beside.now
         )
         assert cycle.run(known, PERIOD).verdict.reason.startswith("commanded_joint_states: the newest is older")
+
+
+@dataclass
+class Wired(Arm):
+    """Hears trajectories `late` [s] after they were sent, and counts those that are a step of what it commands: it
+    refuses them, as an arm whose drive judges its commands, or plays them, as joint_trajectory_controller.
+
+    sudden : every so many trajectories one is late by SUDDEN [s]; 0: none.
+    """
+
+    SUDDEN = 0.12
+
+    late: float = 0.0
+    refuses: bool = False
+    sudden: int = 0
+    steps: int = 0
+    count: int = 0
+    waiting: list[tuple[float, tuple[JointReference, float]]] = field(default_factory=list)
+
+    def take(self, output: CycleOutput) -> None:
+        if output.trajectory is None:
+            return
+        self.count += 1
+        is_late = self.sudden and self.count % self.sudden == 0
+        due = self.now + (self.SUDDEN if is_late else self.late)
+        # None overtakes another one; of those that wait together the newest is heard alone.
+        self.waiting = [one for one in self.waiting if one[0] < due]
+        self.waiting.append((due, output.trajectory))
+
+    def hear(self) -> None:
+        """Take what has come since it was heard last, each when it came."""
+        while self.waiting and self.waiting[0][0] <= self.now:
+            due, trajectory = self.waiting.pop(0)
+            before, after = self.desired(due), trajectory[0].sample(due - trajectory[1])
+            stepped = Discontinuity.between(before, np.stack(after), 0.0) is not None
+            self.steps += stepped
+            if not (stepped and self.refuses):
+                self.played = trajectory
+
+
+class TestDelivery:
+    """Trajectories that arrive late: as long as that is measured none is a step of what is commanded."""
+
+    @pytest.fixture
+    def cycle(self, reach_skill) -> PlannerCycle:
+        return PlannerCycle(ReactivePlanner(reach_skill), 0.1, 1.0, 0.1, HORIZON, clock=lambda: 0.0)
+
+    @staticmethod
+    def drive(
+        cycle: PlannerCycle, arm: Wired, inputs: CycleInputs, transit: float, seconds: float
+    ) -> list[CycleOutput]:
+        """Run cycles in which messages of the arm are known to take so long."""
+        outputs = []
+        for _ in range(round(seconds / PERIOD)):
+            arm.hear()
+            place = arm.measured()
+            known = dataclasses.replace(
+                inputs, measured=place, drive=place, transit=transit, now=arm.now, heard=arm.now
+            )
+            outputs.append(cycle.run(known, PERIOD))
+            arm.take(outputs[-1])
+            arm.now += PERIOD
+        return outputs
+
+    def change_goals(self, cycle: PlannerCycle, arm: Wired, inputs: CycleInputs, transit: float) -> CycleInputs:
+        """Have goals change in motion, for ten takeovers; returns the inputs with the last one."""
+        random = np.random.default_rng(3)
+        for number in range(2, 12):
+            place = GoalRequest(configuration=inputs.goal.configuration + random.uniform(-0.05, 0.05, 7))
+            last = dataclasses.replace(inputs, goal=place, goal_number=number)
+            self.drive(cycle, arm, last, transit, 0.4)
+        return last
+
+    @pytest.mark.parametrize(
+        ("late", "transit", "stepped"),
+        [(0.025, 0.0, False), (0.06, 0.06, False), (0.15, 0.15, False), (0.06, 0.0, True)],
+        ids=["within the latency", "60 ms", "150 ms", "control: 60 ms that are not known"],
+    )
+    def test_what_is_as_late_as_was_measured_is_no_step(self, cycle, arm, inputs, late, transit, stepped):
+        wired = Wired(arm.position, late=late)
+        last = self.change_goals(cycle, wired, inputs, transit)
+        assert (wired.steps > 0) == stepped
+        if not stepped:
+            outputs = self.drive(cycle, wired, last, transit, 12.0)
+            assert arrived(outputs[-1])
+            np.testing.assert_allclose(wired.measured(), last.goal.configuration, atol=1e-9)
+            assert cycle.not_taken == 0
+
+    def test_a_drive_that_refuses_what_came_late_is_planned_for_from_where_it_is(self, cycle, arm, inputs):
+        """The lateness comes by surprise: nothing was measured of it."""
+        wired = Wired(arm.position, refuses=True, sudden=3)
+        last = self.change_goals(cycle, wired, inputs, 0.0)
+        assert wired.steps > 0
+        assert cycle.not_taken > 0
+        wired.sudden = 0
+        outputs = self.drive(cycle, wired, last, 0.0, 12.0)
+        assert arrived(outputs[-1])
+        np.testing.assert_allclose(wired.measured(), last.goal.configuration, atol=1e-9)
+
+    def test_what_is_found_too_late_to_be_sent_is_withheld_and_found_again_for_later(self, reach_skill, arm, inputs):
+        """The machine stands still after a tick has found it in time: nothing was late before."""
+        time, stalls = [0.0], [0]
+        cycle = PlannerCycle(ReactivePlanner(reach_skill), 0.1, 1.0, 0.1, HORIZON, clock=lambda: time[0])
+        follow(cycle, arm, inputs, 1.0)
+        commit = type(cycle.planner)._commit
+
+        def stalled(planner, *arguments):
+            plan = commit(planner, *arguments)
+            if plan.reference is not None and stalls[0]:
+                stalls[0] -= 1
+                time[0] += 0.05
+            return plan
+
+        with pytest.MonkeyPatch.context() as patch:
+            patch.setattr(ReactivePlanner, "_commit", stalled)
+            stalls[0] = 1
+            back = dataclasses.replace(inputs, goal=GoalRequest(configuration=arm.states[0][0]), goal_number=2)
+            played = arm.played
+            late = follow(cycle, arm, back, PERIOD)[0]
+            assert late.verdict.code is VerdictCode.DEADLINE_MISSED
+            # sent 50 ms after its cycle began, and 5 ms later heard, of a takeover after 30 ms
+            assert "25 ms after it takes over" in late.verdict.reason
+            assert late.trajectory is None
+            assert arm.played is played
+            assert cycle.withheld == 1
+            again = follow(cycle, arm, back, PERIOD)[0]
+        assert again.trajectory is not None
+        assert cycle.planner.latency == pytest.approx(cycle.planner.settings.latency + 0.03)
+        assert arrived(arrive(cycle, arm, back)[-1])
+        np.testing.assert_allclose(arm.measured(), back.goal.configuration, atol=1e-9)
 
 
 class TestHeldObjects:
