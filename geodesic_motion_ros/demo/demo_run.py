@@ -249,13 +249,16 @@ class Probe:
         The recording ends `after_contact` seconds after arm and obstacle have touched for the first time.
         """
         self._make_ready()
-        self._began = self._now()
-        stamp = self._node.get_clock().now().to_msg()
-        self._goals.publish(pose_message(self._goal[:3], self._goal[3:], self._frame, stamp))
+        self._send_goal()
         record, stolen = self.recording, StolenTime()
         self._spin(lambda: self._is_over(after_contact))
         record.stolen_percent = stolen.percent()
         return record
+
+    def _send_goal(self) -> None:
+        self._began = self._now()
+        stamp = self._node.get_clock().now().to_msg()
+        self._goals.publish(pose_message(self._goal[:3], self._goal[3:], self._frame, stamp))
 
     def _is_over(self, after_contact: float) -> bool:
         record = self.recording

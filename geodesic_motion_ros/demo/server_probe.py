@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import PointStamped
+from rclpy.node import Node
 from rclpy.qos import QoSProfile
 from sensor_msgs.msg import JointState
 from std_srvs.srv import SetBool, Trigger
@@ -97,8 +98,8 @@ class ServerProbe(Probe):
         self.commanded_times: list[float] = []
         self.commanded: list[np.ndarray] = []
         self.measured: list[np.ndarray] = []
-        #: Where the arm is and how fast (14,), [rad], [rad/s]; how many states were heard.
-        self.arm, self.states = np.full(14, math.nan), 0
+        #: Where the arm is and how fast (14,), [rad], [rad/s], and how it is commanded; how many states were heard.
+        self.arm, self.drive, self.states = np.full(14, math.nan), np.full(14, math.nan), 0
         self._shown_at = -math.inf
         super().__init__(processes, domain, skill.base_frame, skill.goal_pose, say, simulated)
 
@@ -113,6 +114,23 @@ class ServerProbe(Probe):
         self.wait(lambda: self.mode == "DISARMED" and self.arming.service_is_ready(), "the driver to find the arm")
         self.arm_driver()
         self.wait(lambda: self._code == "NO_GOAL" and self._goals.get_subscription_count(), "the planner to start")
+
+    @property
+    def node(self) -> Node:
+        """The probe's own node."""
+        return self._node
+
+    def prepare(self) -> None:
+        """Wait for the nodes, and arm the driver."""
+        self._make_ready()
+
+    def begin(self) -> None:
+        """Send the goal now."""
+        self._send_goal()
+
+    def now(self) -> float:
+        """The time of the nodes [s]."""
+        return self._now()
 
     def arm_driver(self, armed: bool = True) -> str:
         """Arm or disarm the driver; returns what it answers."""
@@ -147,9 +165,10 @@ class ServerProbe(Probe):
         self._points.publish(point_message(self.obstacle.position(max(0.0, self._since(stamp))), self._frame, stamp))
 
     def _on_commanded(self, message: JointState) -> None:
+        self.drive = np.concatenate([message.position, message.velocity])
         if (at := self._since(message.header.stamp)) >= 0.0:
             self.commanded_times.append(at)
-            self.commanded.append(np.concatenate([message.position, message.velocity]))
+            self.commanded.append(self.drive)
 
     def _on_driver(self, message: DiagnosticArray) -> None:
         status = message.status[0]
