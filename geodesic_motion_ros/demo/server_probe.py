@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 import os
+import time
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
@@ -91,7 +92,9 @@ class ServerProbe(Probe):
         obstacle: LineObstacle | None,
         say: Callable[[str], None],
         simulated: bool,
+        patience: float = math.inf,
     ) -> None:
+        """As of `Probe`; patience : the longest wait for the nodes [s]."""
         self._robot, self.obstacle = Robot.named(skill.robot), obstacle
         self.mode = self.said = ""
         self.reflexes: list[str] = []
@@ -101,6 +104,7 @@ class ServerProbe(Probe):
         #: Where the arm is and how fast (14,), [rad], [rad/s], and how it is commanded; how many states were heard.
         self.arm, self.drive, self.states = np.full(14, math.nan), np.full(14, math.nan), 0
         self._shown_at = -math.inf
+        self.patience = patience
         super().__init__(processes, domain, skill.base_frame, skill.goal_pose, say, simulated)
 
     def _meet_the_arm(self) -> None:
@@ -141,8 +145,18 @@ class ServerProbe(Probe):
         return self._ask(self.recovery, Trigger.Request(), "the driver to recover")
 
     def wait(self, condition: Callable[[], Any], what: str) -> None:
-        """Wait as long as the processes live."""
-        self._wait(condition, what)
+        """Wait as long as the processes live, but no longer than `patience`."""
+        until = time.monotonic() + self.patience
+
+        def over() -> bool:
+            if time.monotonic() > until:
+                raise DemoError(
+                    f"waited {self.patience:g} s without success for {what}; the driver is at {self.said!r}, "
+                    f"the planner at {self.recording.newest!r}"
+                )
+            return condition()
+
+        self._wait(over, what)
 
     def _is_over(self, after_contact: float) -> bool:
         return bool(self.reflexes) or super()._is_over(after_contact)

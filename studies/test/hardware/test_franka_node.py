@@ -39,6 +39,8 @@ ROBOT = Robot.named("fr3")
 PLANNER = {
     "skill": SKILL, "scene": "table", "latency": 0.1, "tracking_tolerance_joint": 0.3, "latent_view_rate": 0.0,
 }  # fmt: skip
+#: The longest that anything is waited for [s], many times what it takes.
+PATIENCE = 200.0
 #: Of an arm that stands [rad/s].
 STILL = 1e-3
 
@@ -61,10 +63,9 @@ class Bench:
         start_server(self.processes, REPOSITORY / FOLDER, self.address, SKILL, SPEED)
 
     def probe(self, obstacle: Any = None) -> ServerProbe:
-        probe = ServerProbe(self.processes, self._domain, Skill.load(SKILL), obstacle, print, simulated=True)
-        probe = self._stack.enter_context(probe)
-        probe.trajectories = probe.node.create_publisher(JointTrajectory, "joint_trajectory", QoSProfile(depth=10))
-        return probe
+        skill = Skill.load(SKILL)
+        probe = ServerProbe(self.processes, self._domain, skill, obstacle, print, simulated=True, patience=PATIENCE)
+        return self._stack.enter_context(probe)
 
     def plan(self, **parameters: Any) -> None:
         start_planner(self.processes, SPEED, PLANNER | parameters)
@@ -120,9 +121,11 @@ def motion_message(start: np.ndarray, joint: int, angle: float, duration: float)
 
 def until_sent(probe: ServerProbe, message: JointTrajectory, done: Callable[[], bool], what: str) -> None:
     """Send a trajectory once who receives it is there, and wait for what comes of it."""
-    probe.wait(lambda: probe.trajectories.get_subscription_count() > 0, "the driver to hear trajectories")
-    probe.trajectories.publish(message)
+    publisher = probe.node.create_publisher(JointTrajectory, "joint_trajectory", QoSProfile(depth=10))
+    probe.wait(lambda: publisher.get_subscription_count() > 0, "the driver to hear trajectories")
+    publisher.publish(message)
     probe.wait(done, what)
+    probe.node.destroy_publisher(publisher)
 
 
 @pytest.fixture(scope="module")
