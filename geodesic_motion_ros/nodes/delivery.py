@@ -16,7 +16,7 @@ from geodesic_motion_ros.nodes.node_time import Moment
 from geodesic_motion_ros.nodes.sender_clock import SenderClock
 
 #: What was measured counts for so long [s]: a busy machine is late again and again.
-COUNTED = 10.0
+COUNTED = 5.0
 #: Takeovers move by steps of this [s], and by no more than that: of an arm of which so much is known so late
 #: `state_timeout` is the remedy; stamps that are farther off are of another clock.
 LATE_STEP, LATEST = 0.01, 0.25
