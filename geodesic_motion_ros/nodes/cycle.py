@@ -29,6 +29,7 @@ class CycleInputs:
     drive : the configuration (eta,) [rad] that the drive of the arm says it commands; None where it has said nothing.
     drive_age : [s] since it commanded that.
     transit : the longest that messages of the arm have lately taken to here [s].
+    unarmed : why nothing is to be commanded, but planned and shown; "" where the planner is armed.
     goal : the newest requested goal, or the refusal of its message; None before the first.
     goal_number : grows with every requested goal.
     obstacles : those that exist now.
@@ -73,6 +74,7 @@ class CycleInputs:
     drive: np.ndarray | None = None
     drive_age: float = 0.0
     transit: float = 0.0
+    unarmed: str = ""
 
     @property
     def figures(self) -> dict[str, float]:
@@ -103,11 +105,13 @@ class CycleOutput:
         arm that was lost does not rest.
     trajectory : joint reference to play in the place of the one before, and the time of its first knot [s]; None from a
         planner of poses, and where the one before stays.
-    reference : the path to the goal, with an OK verdict only. time_to_goal : until it ends [s], nan without.
+    reference : the path to the goal, with an OK verdict, or of a planner that is not armed. time_to_goal : until it
+        ends [s], nan without.
     configuration : commanded (eta,) [rad], from a planner of configurations.
     speed : of the fastest joint [rad/s], from a planner of poses of the tool [m/s].
     mode : what the arm does (`contract.mode`); "" from planners that have no modes.
     news : what a person should know besides, as it happens; "" for nothing.
+    disarms : what has happened, after which the arm must not move before a person has seen to it; "" for nothing.
     """
 
     verdict: Verdict
@@ -120,6 +124,7 @@ class CycleOutput:
     speed: float = 0.0
     mode: str = ""
     news: str = ""
+    disarms: str = ""
 
     @property
     def is_goal_refused(self) -> bool:

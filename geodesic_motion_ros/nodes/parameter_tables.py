@@ -34,6 +34,12 @@ PLANNER = (
         choices=("joint_trajectory", "target_pose"),
     ),
     Parameter(
+        "armed",
+        True,
+        "Whether the arm is commanded from the start. false, for real arms: before `~/arm` the planner plans and "
+        "shows, and commands nothing; what drops the goal disarms it again, and so does `~/clear_obstacles`",
+    ),
+    Parameter(
         "avoid",
         "arm",
         "What is kept away from obstacles: the whole arm, or the tool's spheres alone",
@@ -331,8 +337,8 @@ PLANNER = (
         "required_obstacle_topics",
         [""],
         "Obstacle topics that must have been heard before the arm moves, and must go on: one that sees nothing sends "
-        "an empty MarkerArray or cloud",
-        choices=("obstacles", "obstacle_marker", "obstacle_point", "obstacle_cloud"),
+        "an empty MarkerArray or cloud. none: nothing has to be heard, which must be written where armed is false",
+        choices=("obstacles", "obstacle_marker", "obstacle_point", "obstacle_cloud", "none"),
     ),
     Parameter(
         "obstacle_lifetime",

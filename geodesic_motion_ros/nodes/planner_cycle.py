@@ -20,6 +20,7 @@ from functools import partial
 import numpy as np
 
 from geodesic_motion_ros.certification.arm_clearance import obstacle_clearance
+from geodesic_motion_ros.contract.mode import Mode
 from geodesic_motion_ros.contract.status import Refusal, Verdict, VerdictCode
 from geodesic_motion_ros.geometry.distance_field import DistanceField
 from geodesic_motion_ros.geometry.task_frame import TaskFrame
@@ -29,7 +30,7 @@ from geodesic_motion_ros.nodes.arm_watch import REST_TIME, ArmWatch, UnsettledAr
 from geodesic_motion_ros.nodes.cycle import CycleInputs, CycleOutput, PoseArrays
 from geodesic_motion_ros.nodes.cycle_clock import CycleClock
 from geodesic_motion_ros.nodes.delivery import Lately, takeover_delay
-from geodesic_motion_ros.nodes.deviation import joint_deviation, pose_deviation
+from geodesic_motion_ros.nodes.deviation import have_joints_moved, joint_deviation, pose_deviation
 from geodesic_motion_ros.nodes.drive_watch import DriveWatch
 from geodesic_motion_ros.nodes.input_faults import Halt, readiness, rivals, stale_state
 from geodesic_motion_ros.nodes.newest_goal import NewestGoal
@@ -54,6 +55,8 @@ TRANSIT = 0.005
 FRESH = 0.05
 #: Topics whose obstacles have names that an object in the hand may have, too.
 _NAMED = ("obstacles", "obstacle_marker")
+#: A planner that is not armed plans anew what it shows so often [s].
+SHOWN = 1.0
 #: Two stops because of the posture have no progress between them where the tool is within this distance [m].
 _NO_PROGRESS = 0.01
 
@@ -131,8 +134,12 @@ class PlannerCycle:
         self.steady = SteadyError(planner.robot.joint_names)
         # Since when what is played has been over [s, heard]; inf while it is not.
         self._over_since = math.inf
-        # What the log is to say of this cycle.
-        self._news = ""
+        # What the log is to say of this cycle, and what has happened that disarms.
+        self._news = self._disarms = ""
+        # Whether the planner was armed in the last cycle; whether it shows alone, and until when it shows what [s].
+        self._armed, self._shows = True, False
+        self._shown: tuple[Plan, np.ndarray, float] | None = None
+        self._shown_goal = 0
         self._task_frame: PoseArrays | None = None
         self._frame_verdict = Verdict()
         # Whether the goal that is being prepared is the old one, in a task frame that has moved.
@@ -172,7 +179,7 @@ class PlannerCycle:
         4. Obstacles that have the name of an object in the hand are that object, and do not count while it is held, nor
            where it was released, until the arm has left it. Where these names change, the obstacles are set anew.
         """
-        self._news = ""
+        self._news = self._disarms = ""
         self._take_delivery(inputs)
         braking = self._horizon.overrun(inputs.now + self.planner.latency)
         if braking is not None:
@@ -215,15 +222,76 @@ class PlannerCycle:
         self._follow_drive(inputs)
         if why := self._time.read(inputs, period):
             self._arm.jump = self._time.jump
-            self._goal.drop(why)
+            self._heed(Halt(Refusal(VerdictCode.BAD_INPUT, why), why))
+        self._take_arming(inputs)
         self._take_task_frame(inputs.task_frame)
         self._take_goal(inputs)
         obstacles_taken = self._take_obstacles(inputs)
-        refused = self._take_state(inputs) or self._goal.heed(rivals(inputs, self._command_topic))
+        if self._shows:
+            return self._show(obstacles_taken, inputs)
+        refused = self._take_state(inputs) or self._heed(rivals(inputs, self._command_topic))
         without_goal = None if self._goal.is_set else self._goal.verdict
         verdict = refused or readiness(inputs, self._command_topic, self._uncounted, without_goal)
+        if inputs.unarmed:
+            verdict = Refusal(VerdictCode.HOLD_REQUESTED, inputs.unarmed)
         deadline = Deadline(self._began + DEADLINE_SHARE * period, self._clock)
         return self._command(obstacles_taken if verdict.ok else verdict, inputs, deadline)
+
+    def _take_arming(self, inputs: CycleInputs) -> None:
+        """Drop the goal as the planner is armed or disarmed; while it is not, once the arm rests, only show."""
+        was_armed, self._armed = self._armed, not inputs.unarmed
+        if was_armed != self._armed:
+            self._goal.drop(inputs.unarmed.partition(";")[0] or "the planner was armed")
+        if not self._armed and not self._shows:
+            commanded = self.planner.commanded_state(inputs.now) if self._stood else None
+            self._shows = commanded is None or self._sent_to_stand(inputs) is not None
+        elif self._armed and self._shows:
+            # What is shown was never played.
+            self._shows = self._stood = False
+            self._shown = None
+            self._arm.begin()
+        if self._shows:
+            self._horizon.forget()
+            self._sent.forget()
+
+    def _show(self, verdict: Verdict, inputs: CycleInputs) -> CycleOutput:
+        """Plan from where the arm rests, and command nothing."""
+        self._now = inputs.now
+        self._take_drive(inputs)
+        stale = stale_state(inputs, self.state_topic, self.state_timeout, self.resume_timeout)
+        without_goal = None if self._goal.is_set else self._goal.verdict
+        judged: list[Verdict] = [] if stale is None else [stale.refusal]
+        judged += [verdict, readiness(inputs, self._command_topic, self._uncounted, without_goal), self._frame_verdict]
+        refused = next((one for one in judged if not one.ok), None)
+        if refused is not None:
+            self._shown = None
+            return CycleOutput(refused, self._goal.verdict, mode=Mode.from_verdict(refused).value)
+        assert inputs.measured is not None  # it is not stale
+        plan = self._plan_to_show(inputs.measured, inputs)
+        shown = plan.verdict
+        if plan.reference is not None and shown.ok:
+            shown = Refusal(VerdictCode.HOLD_REQUESTED, inputs.unarmed, shown.figures)
+        reference = plan.reference if plan.verdict.ok else None
+        return CycleOutput(shown, self._goal.verdict, reference=reference, mode=Mode.from_verdict(shown).value)
+
+    def _plan_to_show(self, configuration: np.ndarray, inputs: CycleInputs) -> Plan:
+        """The plan from a configuration (eta,) [rad]: anew every SHOWN, once the arm was moved, and for another goal.
+        """
+        if self._shown is not None:
+            plan, start, until = self._shown
+            same_goal = inputs.goal_number == self._shown_goal
+            if same_goal and inputs.heard < until and not have_joints_moved(configuration, start):
+                return plan
+        commanded = self.planner.commanded_state(inputs.now)
+        if commanded is None or have_joints_moved(configuration, commanded[0]):
+            self._stand_at(configuration, inputs.now)
+            self._standing = None
+        plan = self.planner.tick(inputs.now)
+        self._shown, self._shown_goal = None, inputs.goal_number
+        if plan.reference is not None:
+            self.planner.withdraw()
+            self._shown = plan, configuration, inputs.heard + SHOWN
+        return plan
 
     def _in_turn(self, inputs: CycleInputs) -> CycleInputs:
         """The inputs with continuous joints measured in the turn that is commanded, however the driver counts turns."""
@@ -350,6 +418,7 @@ class PlannerCycle:
             speed=0.0 if commanded is None else float(np.max(np.abs(commanded[1]))),
             mode=plan.mode.value,
             news="; ".join(filter(None, (self._news, self.steady.take_news()))),
+            disarms=self._disarms,
         )
 
     def _hand_over(self, plan: Plan) -> tuple[JointReference, float] | None:
@@ -416,13 +485,18 @@ class PlannerCycle:
             self._again = True
             self._goal.prepare(self.planner.prepare_again)
 
+    def _heed(self, halt: Halt | None) -> Refusal | None:
+        if halt is not None and halt.dropping:
+            self._disarms = halt.dropping
+        return self._goal.heed(halt)
+
     def _take_state(self, inputs: CycleInputs) -> Refusal | None:
         """Go by where the arm was measured; why that is not possible, None where it is."""
         stale = stale_state(inputs, self.state_topic, self.state_timeout, self.resume_timeout)
         if stale is None:
             return self._follow_measured(inputs)
         self._arm.missing = self._arm.missing or bool(stale.dropping)
-        return self._goal.heed(stale)
+        return self._heed(stale)
 
     def _begin(self, inputs: CycleInputs, measured: np.ndarray) -> Refusal | None:
         """Begin where the arm is commanded to stand (`DriveWatch.start`); why that is not possible, None where it is.
@@ -499,7 +573,7 @@ class PlannerCycle:
             tool = self.planner.robot.forward(measured)[0]
             stray = self._stray(tool, *deviation)
             self._astray, self._astray_at = UnsettledArm(stray.refusal, measured), tool
-            return self._goal.heed(stray)
+            return self._heed(stray)
         self._astray = self._astray.after_measurement(measured, self._time.step)
         if not self._astray.is_at_rest:
             return self._astray.refusal
@@ -509,8 +583,7 @@ class PlannerCycle:
 
     def _found(self, inputs: CycleInputs, measured: np.ndarray) -> Refusal | None:
         """Why the arm is not to be commanded where it was found; None where it may be."""
-        if inputs.drive is not None:
-            self._drive.take(inputs.drive, inputs.heard - inputs.drive_age)
+        self._take_drive(inputs)
         if not self._stood:
             return self._begin(inputs, measured)
         if self._arm.lost is not None:
@@ -520,13 +593,17 @@ class PlannerCycle:
         if not self._arm.jump:
             self._track(measured, taken)
             deviation = self._deviation(measured, taken)
-        lost = self._goal.heed(self._arm.lose(measured, deviation))
+        lost = self._heed(self._arm.lose(measured, deviation))
         if lost is None:
             return self._rest(inputs, measured)
         self.steady.forget()
         if not self._can_brake(inputs):
             self._stand_at(measured, inputs.now)
         return lost
+
+    def _take_drive(self, inputs: CycleInputs) -> None:
+        if inputs.drive is not None:
+            self._drive.take(inputs.drive, inputs.heard - inputs.drive_age)
 
     def _can_brake(self, inputs: CycleInputs) -> bool:
         """Whether an arm that was just lost can be braked by what is played: its drive still follows that, or nothing

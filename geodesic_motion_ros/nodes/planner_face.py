@@ -28,6 +28,7 @@ from geodesic_motion_ros.nodes.view_thread import ViewThread
 from geodesic_motion_ros.robot.held_objects import HeldObject
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.skill.skill import Skill
+from geodesic_motion_ros.utils.errors import ParameterError
 from geodesic_motion_ros.visualization.latent_view import LatentPicture
 
 
@@ -65,7 +66,8 @@ class PlannerFace:
         """
         self._node, self._options, self._tool_poses, self._plan = node, options, tool_poses, plan
         robot = robot.prefixed(options["joint_prefix"])
-        self.inputs = PlannerInputs(node, options, robot, skill.robot, obstacles_changed)
+        armed = options.values.get("armed", True)
+        self.inputs = PlannerInputs(node, options, robot, skill.robot, obstacles_changed, armed)
         self.outputs = PlannerOutputs(
             node, options["base_frame"], skill.robot, command_topic, guarded, robot.joint_names, self.inputs.time
         )
@@ -89,6 +91,8 @@ class PlannerFace:
             BackgroundService(node, SetBool, "~/hold", self._on_hold, at_once=True),
             BackgroundService(node, Trigger, "~/clear_obstacles", self._on_clear_obstacles, at_once=True),
         )
+        if "armed" in options.values:
+            self._answering += (BackgroundService(node, SetBool, "~/arm", self._on_arm, at_once=True),)
         goal = "goal_pose" if robot.takes_poses else "goal_joints"
         self._awaited = tuple(node.resolve_topic_name(name) for name in ("joint_states", goal))
         self._name = skill.name
@@ -163,9 +167,12 @@ class PlannerFace:
             return
         previous, self._newest = self._newest, (inputs, output)
         if previous is None or previous[1].verdict.code is not output.verdict.code:
-            self._say(output.verdict)
+            ended = "" if previous is None or not output.verdict.ok else f"no longer {previous[1].verdict.code.name}: "
+            self._say(output.verdict, ended)
         if previous is not None and previous[1].goal_verdict is not output.goal_verdict:
             self._say_goal(output)
+        if output.disarms:
+            self._disarm(output.disarms)
         if output.news:
             self._log.info(output.news)
         if arrived := self._arrival.observe(inputs, output):
@@ -304,9 +311,31 @@ class PlannerFace:
 
     def _on_clear_obstacles(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
         def clear() -> str:
-            return f"{self.inputs.clear_obstacles()} obstacles forgotten"
+            # First: what stopped for them must not set out.
+            disarmed = self._disarm("~/clear_obstacles was called")
+            return f"{self.inputs.clear_obstacles()} obstacles forgotten" + ("; disarmed" if disarmed else "")
 
         return self.inputs.refusals.answer("~/clear_obstacles", response, clear)
+
+    def _on_arm(self, request: SetBool.Request, response: SetBool.Response) -> SetBool.Response:
+        def arm() -> str:
+            if not request.data:
+                was_armed = self._disarm("~/arm was called with false", by_itself=False)
+                return "disarmed: the arm brakes, and is commanded nothing then" if was_armed else "not armed"
+            try:
+                said = self.inputs.arming.arm()
+            except ParameterError as error:
+                raise MessageRefused(str(error)) from error
+            self._log.info(said)
+            return said
+
+        return self.inputs.refusals.answer("~/arm", response, arm)
+
+    def _disarm(self, why: str, by_itself: bool = True) -> bool:
+        was_armed = self.inputs.arming.disarm(why, by_itself)
+        if was_armed:
+            self._log.warning(self.inputs.arming.unarmed)
+        return was_armed
 
 
 def _path_news(before: tuple[CycleInputs, CycleOutput], now: tuple[CycleInputs, CycleOutput]) -> bool:

@@ -21,6 +21,7 @@ from geodesic_motion_ros.contract.status import Refusal, VerdictCode
 from geodesic_motion_ros.geometry.distance_field import DistanceField
 from geodesic_motion_ros.geometry.pose import Pose
 from geodesic_motion_ros.nodes.arm_state import ArmState
+from geodesic_motion_ros.nodes.arming import Arming
 from geodesic_motion_ros.nodes.cloud_thread import CloudFigures, CloudThread, points_near
 from geodesic_motion_ros.nodes.cycle import CycleInputs
 from geodesic_motion_ros.nodes.delivery import TransitWatch, stamp_of
@@ -81,6 +82,7 @@ class PlannerInputs:
     Attributes
     ----------
     frames : tells where frames other than the base frame stand.
+    arming : whether the arm may be commanded.
     arm : what the joint states say. drive : what the arm's drive says that it commands.
     tracking_error : how far the arm may be from where it is taken to be [m]; who knows it sets it.
     """
@@ -92,9 +94,12 @@ class PlannerInputs:
         robot: Robot,
         skill_robot: str,
         obstacles_changed: Callable[[], None],
+        armed: bool = True,
     ) -> None:
         """robot : its names are those of messages; skill_robot : what the arm is called.
-        obstacles_changed : called when something new is known of obstacles, from the thread that heard it."""
+        obstacles_changed : called when something new is known of obstacles, from the thread that heard it.
+        armed : as of `Arming`.
+        """
         self._node, self._parameters, self._robot = node, parameters, robot
         self._obstacles_changed = obstacles_changed
         self._frame: str = parameters["base_frame"]
@@ -102,8 +107,8 @@ class PlannerInputs:
         self.refusals = RefusalLog(node.get_logger().warning)
         self.time = NodeTime(node.get_clock())
         self._lock = threading.Lock()
-        # "" stands for none
-        self._tracker = ObstacleTracker([topic for topic in parameters["required_obstacle_topics"] if topic])
+        self.arming = Arming(armed, parameters["required_obstacle_topics"])
+        self._tracker = ObstacleTracker(self.arming.required)
         self._described = DescribedArm(robot, skill_robot, node.resolve_topic_name("robot_description"))
         self.arm = ArmState(robot, self.refusals, parameters["joint_prefix"])
         self._transit = TransitWatch()
@@ -195,6 +200,7 @@ class PlannerInputs:
             drive=self.drive.joints,
             drive_age=now - self.drive.taken,
             transit=transit,
+            unarmed=self.arming.unarmed,
             other_arm=self._described.fault,
         )
 

@@ -24,9 +24,9 @@ from geodesic_motion_ros.planning.planner import ReactivePlanner
 from geodesic_motion_ros.robot.held_objects import HeldObject
 from geodesic_motion_ros.robot.inverse_kinematics import solve
 from geodesic_motion_ros.robot.kinematics import Robot
-from geodesic_motion_ros.simulation.trajectory_player import Discontinuity
 from geodesic_motion_ros.skill.skill import Skill
 from geodesic_motion_ros.trajectory.trajectory import JointReference
+from geodesic_motion_ros.trajectory.trajectory_player import Discontinuity
 from geodesic_motion_ros.utils.errors import ParameterError
 
 PERIOD = 0.02
@@ -778,6 +778,76 @@ class TestDelivery:
         assert cycle.planner.latency == pytest.approx(cycle.planner.settings.latency + 0.03)
         assert arrived(arrive(cycle, arm, back)[-1])
         np.testing.assert_allclose(arm.measured(), back.goal.configuration, atol=1e-9)
+
+
+class TestArming:
+    """A planner that is not armed plans and shows, and commands nothing."""
+
+    UNARMED = "not armed: nothing is commanded; call ~/arm"
+
+    @pytest.fixture
+    def unarmed(self, inputs) -> CycleInputs:
+        return dataclasses.replace(inputs, unarmed=self.UNARMED)
+
+    @pytest.mark.parametrize("output", ["joint_trajectory", "target_pose"])
+    def test_it_shows_the_path_and_commands_nothing(self, planner, arm, inputs, unarmed, output):
+        planner.clear_goal()
+        cycle = PlannerCycle(planner, 0.1, 1.0, 0.1, HORIZON, output, clock=lambda: 0.0)
+        shown = follow(cycle, arm, unarmed, 3.0)
+        assert all(one.trajectory is None and one.configuration is None and one.speed == 0.0 for one in shown)
+        assert {one.verdict.code for one in shown} == {VerdictCode.HOLD_REQUESTED}
+        assert shown[-1].verdict.reason == self.UNARMED
+        np.testing.assert_allclose(shown[-1].reference.positions[0], arm.position, atol=1e-9)
+        np.testing.assert_allclose(shown[-1].reference.positions[-1], inputs.goal.configuration, atol=1e-9)
+
+    def test_it_shows_the_path_from_where_the_arm_is_moved_to(self, cycle, arm, unarmed):
+        follow(cycle, arm, unarmed, 0.5)
+        arm.position = arm.position + np.array([0.0, 0.04, 0.0, 0.0, 0.0, 0.0, 0.0])
+        moved = follow(cycle, arm, unarmed, 0.5)
+        np.testing.assert_allclose(moved[-1].reference.positions[0], arm.position, atol=1e-9)
+
+    def test_it_states_what_would_be_refused(self, cycle, arm, unarmed, reach_skill):
+        without = follow(cycle, arm, dataclasses.replace(unarmed, goal=None, goal_number=0), 0.1)
+        assert without[-1].verdict.code is VerdictCode.NO_GOAL
+        silent = follow(cycle, arm, dataclasses.replace(unarmed, state_age=0.5), 0.1)
+        assert silent[-1].verdict.code is VerdictCode.STALE_STATE
+        tracker = ObstacleTracker()
+        middle = 0.5 * (arm.position + unarmed.goal.configuration)
+        tracker.put("obstacles", ("", 0), cycle.planner.robot.forward(middle)[0], 0.25, arm.now, 0.0)
+        blocked = follow(cycle, arm, dataclasses.replace(unarmed, obstacles=tracker.current(arm.now)), 0.5)
+        assert blocked[-1].verdict.code in (VerdictCode.NO_FEASIBLE_PATH, VerdictCode.IN_COLLISION)
+        assert blocked[-1].reference is None
+
+    def test_arming_moves_nothing_before_the_next_goal(self, cycle, arm, inputs, unarmed):
+        follow(cycle, arm, unarmed, 1.0)
+        armed = follow(cycle, arm, inputs, 1.0)
+        assert all(one.trajectory is None for one in armed)
+        assert {one.verdict.code for one in armed} == {VerdictCode.NO_GOAL}
+        assert armed[-1].goal_verdict.reason == "goal dropped: the planner was armed; send the goal again"
+        assert arrived(arrive(cycle, arm, dataclasses.replace(inputs, goal_number=2))[-1])
+        np.testing.assert_allclose(arm.measured(), inputs.goal.configuration, atol=1e-9)
+
+    def test_disarmed_in_motion_it_brakes_on_its_path_and_is_silent_then(self, cycle, arm, inputs, unarmed):
+        follow(cycle, arm, inputs, 1.5)
+        assert np.max(np.abs(arm.states[-1][1])) > 0.05
+        path = cycle.planner.motion_to_goal()[0]
+        braking = follow(cycle, arm, unarmed, 1.0)
+        assert sum(one.trajectory is not None for one in braking) == 1
+        np.testing.assert_array_equal(arm.states[-1][1:], 0.0)
+        passed = path.samples(np.linspace(0.0, path.duration, 4000))[0]
+        assert np.min(np.max(np.abs(passed - arm.measured()), axis=1)) < 1e-3
+        silent = follow(cycle, arm, unarmed, 1.0)
+        assert all(one.trajectory is None and one.configuration is None for one in silent)
+        assert silent[-1].goal_verdict.code is VerdictCode.NO_GOAL
+        again = arrive(cycle, arm, dataclasses.replace(inputs, goal_number=2))
+        assert arrived(again[-1])
+
+    def test_what_drops_the_goal_disarms(self, cycle, arm, inputs):
+        moving = follow(cycle, arm, inputs, 1.0)
+        assert {one.disarms for one in moving} == {""}
+        arm.displaced = np.array([0.0, 0.3, 0.0, 0.0, 0.0, 0.0, 0.0])
+        lost = follow(cycle, arm, inputs, PERIOD)[0]
+        assert "'panda_joint2' from where it was sent" in lost.disarms
 
 
 class TestHeldObjects:
