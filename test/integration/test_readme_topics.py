@@ -5,8 +5,11 @@ from __future__ import annotations
 import re
 from pathlib import Path
 
+import pytest
+from bench import Bench
 from rclpy.node import Node
 
+from geodesic_motion_ros.nodes.franka_node import FrankaNode
 from geodesic_motion_ros.nodes.planner_node import PlannerNode
 from geodesic_motion_ros.nodes.twin_node import TwinNode
 
@@ -33,6 +36,16 @@ def interface(node: Node, namespace: str = "") -> set[str]:
 
 def test_those_of_the_twin(bench):
     assert interface(bench.add(TwinNode)) == documented("twin")
+
+
+def test_those_of_the_driver():
+    pytest.importorskip("pylibfranka", reason="pylibfranka is not installed: `make robot-server`")
+    bench = Bench(realtime=True)  # as an arm is
+    try:
+        # no arm is there: it looks for one
+        assert interface(bench.add(FrankaNode, address="127.0.0.1")) == documented("driver")
+    finally:
+        bench.close()
 
 
 def test_those_of_the_planner(bench):
