@@ -175,7 +175,7 @@ Unseen = Literal["free", "blocked"]
 #: Settings that may change while the arm moves (`ReactivePlanner.change_settings`).
 CHANGEABLE = (
     "obstacle_margin", "obstacle_position_error", "speed_scale", "acceleration_scale", "speed", "angular_speed",
-    "acceleration",
+    "acceleration", "speed_override",
 )  # fmt: skip
 
 
@@ -221,6 +221,7 @@ class PlannerSettings:
         with those of configurations.
     acceleration : limit of the tool's acceleration [m/s^2], tangential and centripetal together; None: 1.5, or none.
         That of the angular acceleration follows: full angular speed is reached in the time that full speed takes.
+    speed_override : in (0, 1]: the limits of all speeds, of the joints and of the tool, are this share of the above.
     latency : a new reference takes over this long after its planning began [s].
     detour : how far the tool may leave what was demonstrated where obstacles block every demonstrated path, up to
         `LARGEST_DETOUR`, if it was declared what stands around the arm, and where it evades; 0: it waits there, and
@@ -258,6 +259,7 @@ class PlannerSettings:
     speed: float | None = None
     angular_speed: float | None = None
     acceleration: float | None = None
+    speed_override: float = 1.0
     latency: float = 0.03
     detour: float = 0.25
     unseen: Unseen = "free"
@@ -273,7 +275,14 @@ class PlannerSettings:
     def tool_limits(self, default: ToolLimits) -> ToolLimits:
         """Return limits of the tool: by default those of the skill's space."""
         chosen = {field.name: getattr(self, field.name) for field in fields(ToolLimits)}
-        return replace(default, **{name: value for name, value in chosen.items() if value is not None})
+        full = replace(default, **{name: value for name, value in chosen.items() if value is not None})
+        share = self.speed_override
+        return replace(full, speed=share * full.speed, angular_speed=share * full.angular_speed)
+
+    @property
+    def joint_speed_scale(self) -> float:
+        """Share of the joints' velocity limits that counts."""
+        return self.speed_scale * self.speed_override
 
     def __post_init__(self) -> None:
         self._check_choices()
@@ -315,6 +324,8 @@ class PlannerSettings:
             raise PlanningError(f"setting {name} is {value!r:.60}, must be a real number")
         number = float(value)
         allowed = number >= 0.0 if name in self.may_be_zero else number > 0.0
+        if name == "speed_override" and number > 1.0:
+            raise PlanningError(f"setting speed_override is {value}, must be at most 1")
         if name == "detour" and not number <= LARGEST_DETOUR:
             raise PlanningError(f"setting detour is {value} m, must be at most {LARGEST_DETOUR} m")
         if not (allowed and math.isfinite(number)):

@@ -239,6 +239,16 @@ PLANNER = (
         read_only=False,
     ),
     Parameter(
+        "speed_override",
+        1.0,
+        "The arm moves at this share of its speed, on the same path: 0.5 at half of it; at 0.0, and where less than "
+        "0.01 of the joints' velocity limits would be left, it brakes on its path and rests until there is more",
+        "",
+        0.0,
+        1.0,
+        read_only=False,
+    ),
+    Parameter(
         "latency",
         0.03,
         "A new trajectory takes over so long after its planning began",

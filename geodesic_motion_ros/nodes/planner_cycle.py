@@ -80,6 +80,8 @@ class PlannerCycle:
     ----------
     state_topic : where the arm's state comes from, as messages name it; "joint_states" until it is set.
     steady : how far the arm rests from where it is commanded.
+    paused : why the arm is to rest on its path, and to go on once that is over; "" where it is not. Any thread may set
+        it, after `changes` that are to count as the arm goes on.
     withheld : how many trajectories were found too late to be sent. not_taken : how often the drive went on with
         what was sent before.
 
@@ -115,6 +117,7 @@ class PlannerCycle:
         # count yet, for which the arm stands; "": none.
         self._goals_wait, self._uncounted = False, ""
         self._obstacles_version = -1
+        self.paused = self._rests = ""
         self._horizon = Horizon(horizon)
         self._sent = SentTrajectories()
         # By how much more than is measured of messages trajectories were too late to be sent [s].
@@ -186,7 +189,10 @@ class PlannerCycle:
             reason = f"no cycle for {self._horizon.length:g} s: the arm came to rest by itself"
             self.planner.record_braking(braking.reference, braking.begin, Refusal(VerdictCode.DEADLINE_MISSED, reason))
             self._horizon.forget()
+        paused = self.paused
         self._take_arm(inputs)
+        if paused or not self._goals_wait:
+            self._rests = paused
         self._released = self._not_left(inputs)
         in_place = (name for name, place in self._released.items() if _overlapping(_own(inputs, name), place))
         names = [*(held.name for held in self.planner.held), *in_place]
@@ -232,8 +238,8 @@ class PlannerCycle:
         refused = self._take_state(inputs) or self._heed(rivals(inputs, self._command_topic))
         without_goal = None if self._goal.is_set else self._goal.verdict
         verdict = refused or readiness(inputs, self._command_topic, self._uncounted, without_goal)
-        if inputs.unarmed:
-            verdict = Refusal(VerdictCode.HOLD_REQUESTED, inputs.unarmed)
+        if held := inputs.unarmed or (self._rests if verdict.ok else ""):
+            verdict = Refusal(VerdictCode.HOLD_REQUESTED, held)
         deadline = Deadline(self._began + DEADLINE_SHARE * period, self._clock)
         return self._command(obstacles_taken if verdict.ok else verdict, inputs, deadline)
 

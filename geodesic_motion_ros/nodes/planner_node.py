@@ -28,6 +28,7 @@ from geodesic_motion_ros.nodes.planner_parameters import (
     planner_settings,
     refuse_no_rotation,
     tool_tolerance,
+    why_paused,
 )
 from geodesic_motion_ros.nodes.running import LoopingNode, run_node
 from geodesic_motion_ros.nodes.scene_parameter import declared_scene
@@ -72,6 +73,7 @@ class PlannerNode(LoopingNode):
             self.planner, values["state_timeout"], values["resume_timeout"], values["tracking_tolerance_joint"],
             values["horizon"], values["output"], background=self._goals, tool_tolerance=tool_tolerance(values.values),
         )  # fmt: skip
+        self.cycle.paused = why_paused(values.values)
         self.cycle.state_topic = self.resolve_topic_name("joint_states")
         self.face = PlannerFace(
             self, values, skill, self.planner.robot, values["output"], self.planner.settings.avoid, self._tick,
@@ -115,6 +117,7 @@ class PlannerNode(LoopingNode):
             "tracking_lag": tracking.lag,
             "obstacle_position_error": settings.obstacle_position_error,
             "obstacle_velocity_error": float(np.max(errors, initial=0.0)),
+            "speed_override": 0.0 if self.cycle.paused else settings.speed_override,
             "takeover_delay": self.planner.latency - settings.latency,
             "withheld_trajectories": self.cycle.withheld,
             "trajectories_not_taken": self.cycle.not_taken,
@@ -157,6 +160,7 @@ class PlannerNode(LoopingNode):
         self.cycle.tool_tolerance = tool_tolerance(values)
         settings = planner_settings(values)
         self.cycle.changes = {name: getattr(settings, name) for name in CHANGEABLE}
+        self.cycle.paused = why_paused(values)
         if self.planner.may_detour:
             self.planner.set_detour(values["detour"])
 

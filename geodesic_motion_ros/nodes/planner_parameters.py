@@ -21,6 +21,9 @@ _SETTINGS = (
     "maximum_offset_angle", "maximum_joint_offset", "speed_scale", "acceleration_scale", "latency", "body_radius",
     "refine", "detour", "unseen", "patience", "approach_covered_goal",
 )  # fmt: skip
+#: The arm rests where `speed_override` leaves less than this share of the joints' velocity limits: motions of minutes
+#: take too long to be planned in a tick.
+_LEAST_SHARE = 0.01
 #: Negative: what belongs to the kind of skill.
 _TOOL_LIMITS = ("speed", "angular_speed", "acceleration")
 
@@ -67,8 +70,21 @@ def planner_settings(values: Mapping[str, Value]) -> PlannerSettings:
     return PlannerSettings(
         tool_points=tuple(map(tuple, spheres[:, :3].tolist())),
         tool_radii=tuple(spheres[:, 3].tolist()),
+        # An arm that rests is not slow besides.
+        speed_override=1.0 if why_paused(values) else values["speed_override"],
         **limits,
         **{name: values[name] for name in _SETTINGS},
+    )
+
+
+def why_paused(values: Mapping[str, Value]) -> str:
+    """Return why `speed_override` has the arm rest on its path; "" where it may move."""
+    override, scale = values["speed_override"], values["speed_scale"]
+    if override * scale >= _LEAST_SHARE - 1e-9:
+        return ""
+    return (
+        f"speed_override is {override:g}: the arm rests on its path until it is {_LEAST_SHARE / scale:.2g} or more, "
+        f"with speed_scale {scale:g}"
     )
 
 

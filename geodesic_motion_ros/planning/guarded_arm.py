@@ -66,10 +66,10 @@ class GuardedArm:
 
     def _limits(self, settings: PlannerSettings) -> JointLimits:
         """The joints' limits with the scales of settings; the same as before where these are."""
-        old, scales = self.solver, ("speed_scale", "acceleration_scale")
+        old, scales = self.solver, ("joint_speed_scale", "acceleration_scale")
         if all(getattr(settings, name) == getattr(old.settings, name) for name in scales):
             return old.limits
-        return JointLimits.of(old.robot, settings.speed_scale, settings.acceleration_scale)
+        return JointLimits.of(old.robot, settings.joint_speed_scale, settings.acceleration_scale)
 
     def goal(self, request: GoalRequest, frame: TaskFrame) -> ArmGoal | Refusal:
         """Return the goal of a request, or why the request is refused; frame : the task frame."""

@@ -99,7 +99,7 @@ class ReactivePlanner:
         if settings.avoid == "tool":
             guarded = guarded.guarding_tool(self.robot, settings.tool_points, settings.tool_radii)
         self.graph: ConfigurationGraph | PoseGraph = skill.graph(settings.grid_shape, settings.neighbours)
-        limits = JointLimits.of(self.robot, settings.speed_scale, settings.acceleration_scale)
+        limits = JointLimits.of(self.robot, settings.joint_speed_scale, settings.acceleration_scale)
         self.may_detour, self.scene = scene is not None, scene or DeclaredScene.empty()
         solver = Solver(skill, self.graph, settings, self.robot, guarded, limits, self.scene)
         if self.scene.names:

@@ -352,6 +352,34 @@ class TestParameters:
             moving.planner.set_parameters([Parameter("speed_scale", value=0.3)])
         moving.wait(moving.at_goal, "rest at the goal")
 
+    def test_its_speed_is_overridden_in_motion_down_to_rest_and_up_again(self, moving):
+        """On one path: by a tenth of the speed of joints and tool, by none, and by all of it to the goal."""
+
+        def override(share: float) -> None:
+            assert moving.planner.set_parameters([Parameter("speed_override", value=share)])[0].successful
+            moving.wait(lambda: float(moving.status()["speed_override"]) == share, "the share in the status")
+
+        planner, slow = moving.planner.planner, 0.1 * 0.3 * 2.61
+        moving.wait(lambda: float(moving.status()["speed"]) > 2.0 * slow, "an arm in fast motion")
+        override(0.1)
+        moving.wait(lambda: planner.played_limits is planner.limits, "a motion that slows down")
+        # from its takeover on
+        moving.live(2.0 * planner.latency)
+        since = moving.now()
+        moving.live(1.0)
+        heard = [one for one in moving.heard["target_pose"] if messages.seconds(one.header.stamp) > since]
+        times = np.array([messages.seconds(one.header.stamp) for one in heard])
+        points = np.array([[one.pose.position.x, one.pose.position.y, one.pose.position.z] for one in heard])
+        moved = np.linalg.norm(np.diff(points, axis=0), axis=1).sum()
+        assert 0.0 < moved <= 0.1 * TOOL_LIMITS.speed * (times[-1] - times[0]) * (1.0 + 1e-3)
+        override(0.0)
+        moving.wait_for_code("HOLD_REQUESTED", "speed_override is 0: the arm rests on its path until it is 0.033")
+        moving.wait(moving.at_rest, "rest on the path")
+        assert not moving.at_goal()
+        override(1.0)
+        moving.wait_for_code("OK")
+        moving.wait(moving.at_goal, "rest at the goal")
+
 
 class TestSkills:
     def test_a_missing_skill_is_named(self, bench, planner_options, tmp_path):

@@ -850,6 +850,59 @@ class TestArming:
         assert "'panda_joint2' from where it was sent" in lost.disarms
 
 
+class TestPause:
+    """An arm that is to rest on its path goes on to the same goal once that is over."""
+
+    def test_it_rests_on_its_path_and_goes_on(self, cycle, arm, inputs):
+        follow(cycle, arm, inputs, 1.5)
+        path = cycle.planner.motion_to_goal()[0]
+        cycle.paused = "speed_override is 0"
+        resting = follow(cycle, arm, inputs, 1.5)
+        assert {(one.verdict.code, one.verdict.reason) for one in resting} == {
+            (VerdictCode.HOLD_REQUESTED, "speed_override is 0")
+        }
+        np.testing.assert_array_equal(arm.states[-1][1:], 0.0)
+        passed = path.samples(np.linspace(0.0, path.duration, 4000))[0]
+        assert np.min(np.max(np.abs(passed - arm.measured()), axis=1)) < 1e-3
+        assert np.max(np.abs(arm.measured() - inputs.goal.configuration)) > 0.1
+        cycle.paused = ""
+        assert arrived(arrive(cycle, arm, inputs)[-1])
+        np.testing.assert_allclose(arm.measured(), inputs.goal.configuration, atol=1e-9)
+
+    def test_it_goes_on_once_the_speed_that_it_is_to_have_counts(self, planner, arm, inputs):
+        release = threading.Event()
+        with ThreadPoolExecutor(1) as background:
+            cycle = PlannerCycle(planner, 0.1, 1.0, 0.1, HORIZON, clock=lambda: 0.0, background=background)
+            planner.clear_goal()
+            follow(cycle, arm, inputs, PERIOD)
+            background.submit(lambda: None).result()
+            follow(cycle, arm, inputs, 1.5)
+            cycle.paused = "speed_override is 0"
+            follow(cycle, arm, inputs, 1.5)
+            background.submit(release.wait)
+            cycle.changes, cycle.paused = {"speed_override": 0.2}, ""
+            try:
+                waiting = follow(cycle, arm, inputs, 0.2)
+            finally:
+                release.set()
+            assert {one.verdict.code for one in waiting} == {VerdictCode.HOLD_REQUESTED}
+            background.submit(lambda: None).result()
+            began = len(arm.states)
+            assert follow(cycle, arm, inputs, 2.0)[-1].verdict.ok
+            speeds = np.abs(np.array(arm.states[began:])[:, 1])
+            largest = 0.2 * planner.settings.speed_scale * planner.robot.velocity_limits
+            assert np.all(speeds <= largest + 1e-9)
+            assert np.max(speeds / largest) > 0.5
+            assert planner.change_settings(speed_override=1.0).ok
+
+    @pytest.mark.parametrize("change", [{"goal": None, "goal_number": 0}, {"state_age": 0.5}], ids=["no goal", "stale"])
+    def test_what_else_keeps_it_from_moving_is_stated_first(self, cycle, arm, inputs, change):
+        follow(cycle, arm, dataclasses.replace(inputs, goal=None, goal_number=0), 0.1)
+        cycle.paused = "speed_override is 0"
+        output = follow(cycle, arm, dataclasses.replace(inputs, **change), 0.1)[-1]
+        assert output.verdict.code in (VerdictCode.NO_GOAL, VerdictCode.STALE_STATE)
+
+
 class TestHeldObjects:
     """An object in the hand, and the obstacle that has its name."""
 

@@ -59,13 +59,18 @@ def speeds(stream: Stream, seconds: float) -> list[float]:
 
 def limits(planner: ReactivePlanner, **changes: float) -> JointLimits:
     settings = replace(planner.settings, **changes)
-    return JointLimits.of(planner.robot, settings.speed_scale, settings.acceleration_scale)
+    return JointLimits.of(planner.robot, settings.joint_speed_scale, settings.acceleration_scale)
 
 
 @pytest.mark.parametrize(
     "changes",
-    [{"speed_scale": 0.05}, {"acceleration_scale": 0.05}, {"speed_scale": 0.03, "acceleration_scale": 0.02}],
-    ids=["velocity", "acceleration", "both"],
+    [
+        {"speed_scale": 0.05},
+        {"acceleration_scale": 0.05},
+        {"speed_scale": 0.03, "acceleration_scale": 0.02},
+        {"speed_override": 0.05 / 0.3},
+    ],
+    ids=["velocity", "acceleration", "both", "override"],
 )
 def test_slower_in_fast_motion_it_slows_down_on_its_path_and_keeps_the_lower_limits_from_then_on(
     stream, nominal, goal, changes
