@@ -37,7 +37,7 @@ has no motion, 2 a request is not possible (one line on standard error says what
 #: The group of entry points by which a distribution adds a `CommandSet`.
 GROUP = "geodesic_motion_ros.commands"
 #: Commands that the distribution in studies/ adds.
-OF_STUDIES = ("benchmark", "evaluate", "experiment", "faults", "judge", "timing")
+OF_STUDIES = ("benchmark", "evaluate", "experiment", "faults", "hardware", "judge", "timing")
 
 
 class Command(Protocol):

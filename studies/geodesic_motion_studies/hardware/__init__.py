@@ -1,0 +1,1 @@
+"""The driver of a real arm, measured on a simulated one behind its protocol."""
