@@ -157,6 +157,8 @@ class FciProcess:
             # One that is still referred to keeps the next one from beginning, and a recovery from being heard.
             control = None
             self._tell("error", f"the arm stopped itself: {_brief(error)}")
+        except fci.CommandException as error:
+            self._tell("error", f"the arm does not let itself be commanded: {_brief(error)}")
 
     def _play(self, control: fci.ActiveControlBase) -> None:
         state, period = control.readOnce()
