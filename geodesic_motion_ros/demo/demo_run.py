@@ -37,8 +37,9 @@ from geodesic_motion_ros.utils.errors import GeodesicMotionError
 
 # The arm has arrived when it has been this close to the goal for this long.
 ARRIVAL_DISTANCE, ARRIVAL_ANGLE, ARRIVAL_TIME = 0.003, math.radians(0.5), 0.5
-# An arm that stands elsewhere than at the goal is waited for so long [s]; it has moved when its tool is so far
-# [m] from where it stood. Processes that start, and a planner that has not planned yet, are waited for while they live.
+# An arm that stands elsewhere than at the goal is waited for so long [s] of the nodes' time; it has moved when its tool
+# is so far [m] from where it stood. Processes that start, and a planner that has not planned yet, are waited for while
+# they live.
 STANDING_PATIENCE, MOVED = 25.0, 0.002
 _LOG_PREFIX = re.compile(r"^(\[[^]]*\] )*\[[^]]*\]: ")
 # What is waited for is said every so often [s].
@@ -265,7 +266,7 @@ class Probe:
         return (
             not math.isnan(record.arrived)
             or self._now() - self._began > record.touched + after_contact
-            or time.monotonic() - self._stood_since > STANDING_PATIENCE
+            or self._now() - self._stood_since > STANDING_PATIENCE
         )
 
     def _make_ready(self) -> None:
@@ -312,7 +313,7 @@ class Probe:
         record = self.recording
         # It stands from the first plan on: before, a planner on a busy machine may take long to answer.
         if not record.ticks or np.linalg.norm(position - self._stood_at) > MOVED:
-            self._stood_at, self._stood_since = position, time.monotonic()
+            self._stood_at, self._stood_since = position, self._now()
         record.pose_times.append(at)
         record.positions.append(position)
         record.quaternions.append(quaternion)

@@ -20,6 +20,7 @@ import signal
 import sys
 import threading
 import time
+from contextlib import suppress
 from typing import Any
 
 import franka_sim.mujoco_franka_sim as mujoco_sim
@@ -31,6 +32,8 @@ _PATIENCE = 2.0
 #: A wait looks again after so long [s].
 _LOOK = 5e-5
 _PERIOD = 1e-3
+#: In real time, where it is permitted: below that of who commands the arm.
+_PRIORITY = 20
 #: The arm's time goes on by itself where nobody has asked for it for so long [s].
 _ALONE = 0.02
 
@@ -92,6 +95,9 @@ def main() -> None:
     sys.setswitchinterval(1e-4)
     enforced = {"enforce_comm_constraints": True, "enforce_motion_limits": True}
     if speed == "real":
+        # An arm has a computer of its own: it does not wait for what else this one does.
+        with suppress(PermissionError):
+            os.sched_setscheduler(0, os.SCHED_RR, os.sched_param(_PRIORITY))
         server = FrankaSimServer(host=address, enable_gripper=False, **enforced)
     else:
         server = PatientServer(float(speed), host=address, enable_gripper=False, physics_sim=OwnTime(), **enforced)

@@ -107,8 +107,9 @@ class ServedRun:
         until = probe.now() + random.uniform(0.0, 1.0)
         probe.wait(lambda: probe.now() > until, "the moment of the fault")
         fault(self, random)
-        end = time.monotonic() + WATCHED
-        probe.wait(lambda: time.monotonic() > end, "what comes of it")
+        # A lost connection stops the arm's own time.
+        end, patience = probe.now() + WATCHED, time.monotonic() + 10.0 * WATCHED
+        probe.wait(lambda: probe.now() > end or time.monotonic() > patience, "what comes of it")
 
     def _row(self, name: str, seed: int, newest: str) -> Row:
         probe, log = self.probe, self.processes.log("franka")
