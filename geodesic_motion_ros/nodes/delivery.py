@@ -2,8 +2,8 @@
 
 A trajectory that takes over repeats the one before until then, so one that arrives in time gives no step of the
 command, and one that arrives later does. No controller says when it has heard one. What is measured is how long
-messages of the arm take to here, on the same machines and by the same network; and how late cycles send what they have
-found.
+messages of the arm take to here, and how long they pause: while its process stands still it hears nothing either; and
+how late cycles send what they have found.
 """
 
 from __future__ import annotations
@@ -17,11 +17,15 @@ from geodesic_motion_ros.nodes.sender_clock import SenderClock
 
 #: What was measured counts for so long [s]: a busy machine is late again and again.
 COUNTED = 5.0
-#: Takeovers move by steps of this [s], and by no more than that: of an arm of which so much is known so late
-#: `state_timeout` is the remedy; stamps that are farther off are of another clock.
-LATE_STEP, LATEST = 0.01, 0.25
+#: Takeovers move by steps of this [s], and by no more than that, for reactions are as much later; messages are later
+#: where the machine is too busy, or the clocks differ.
+LATE_STEP, LATEST = 0.01, 0.15
+#: Stamps of which none is less far off [s] are of another clock.
+OTHER_CLOCK = 0.25
 #: One figure is kept of so long [s].
 _SPAN = 0.5
+#: A message that comes so long [s] after the one before is the first after a silence, of which others judge.
+_SILENCE = 0.5
 
 
 class Lately:
@@ -47,26 +51,51 @@ class Lately:
 
 
 class TransitWatch:
-    """How long messages of one sender take, at most; any stamp that is 0 says nothing."""
+    """How late messages of one sender come, at most: by their stamps, and by the pauses between them."""
 
     def __init__(self) -> None:
         self._clock, self._lately = SenderClock(), Lately()
+        # When this span began [s], and how many messages have come in it; a pause that messages come at [s].
+        self._begun, self._count, self._period = -math.inf, 0, math.inf
+        self._newest = -math.inf
 
     def take(self, stamp: float, arrival: Moment) -> None:
-        """Take a message with a stamp [s] as it arrives.
+        """Take a message with a stamp [s], 0 for none, as it arrives.
 
-        One of the future says that the clocks differ, and by how much less this one hears of what is sent in time.
-        Clocks that differ by more than `LATEST` say nothing but by how much longer than others a message took.
+        A stamp of the future says that the clocks differ, and by how much less this one hears of what is sent in time.
+        Clocks that differ by more than `OTHER_CLOCK` say nothing but by how much longer than others a message took.
         """
-        if stamp == 0.0:
-            return
-        self._clock.age(stamp, arrival)
-        transit, least = arrival.transit(stamp), self._clock.least
-        self._lately.add(abs(transit) if abs(least) < LATEST else transit - least, arrival.running)
+        now, period = arrival.running, self._period
+        late = max(0.0, self._pause(now) - period)
+        if stamp != 0.0:
+            self._clock.age(stamp, arrival)
+            transit, least = arrival.transit(stamp), self._clock.least
+            late = max(late, abs(transit) if abs(least) < OTHER_CLOCK else transit - least)
+        self._lately.add(late, now)
+
+    def _pause(self, now: float) -> float:
+        """How long nothing had come before a message that comes now [s]; 0 after a silence."""
+        pause, self._newest = now - self._newest, now
+        if now - self._begun >= _SPAN:
+            # Of the first span nothing is known.
+            self._period = (now - self._begun) / self._count if self._count else math.inf
+            self._begun, self._count = now, 0
+        self._count += 1
+        return pause if pause < _SILENCE else 0.0
 
     def longest(self, now: float) -> float:
-        """Return the longest transit of the last `COUNTED` seconds [s]; 0 without any."""
+        """Return by how much the latest of the last `COUNTED` seconds was late [s]; 0 without any."""
         return self._lately.largest(now)
+
+    def remark(self, now: float) -> str:
+        """Return what a person should know of it, where it is more than can be allowed for; "" where it is not."""
+        longest = self.longest(now)
+        if longest <= LATEST:
+            return ""
+        return (
+            f"messages of the arm are up to {1e3 * longest:.0f} ms late, or pause so long: trajectories that arrive so "
+            f"late are a step, for takeovers are {1e3 * LATEST:.0f} ms later at most; a less busy machine would do"
+        )
 
 
 def stamp_of(wire: bytes) -> float:

@@ -634,7 +634,9 @@ class PlannerCycle:
         if sent is None:
             self.steady.forget()
             return None
-        self.steady.add(measured, sent, inputs.heard)
+        taken = inputs.heard - inputs.state_age
+        if taken >= self._over_since:
+            self.steady.add(measured, sent, taken)
         left = inputs.heard - self._over_since >= REST_TIME and self._drive.has_left(
             sent, inputs.heard - self.state_timeout
         )

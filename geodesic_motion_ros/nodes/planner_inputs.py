@@ -219,7 +219,11 @@ class PlannerInputs:
 
     def remarks(self) -> dict[str, str]:
         """Return what a person should know of inputs that are taken, by kind; to be asked once a second."""
-        remarks = self.arm.remarks(self.time.running(), self._parameters["state_timeout"])
+        now = self.time.running()
+        remarks = self.arm.remarks(now, self._parameters["state_timeout"])
+        with self._lock:
+            late = self._transit.remark(now)
+        remarks |= {"late": late} if late else {}
         return remarks | ({"description": self._described.remark} if self._described.remark else {})
 
     def take_obstacle_load(self) -> tuple[int, Load]:

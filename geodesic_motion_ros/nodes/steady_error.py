@@ -39,7 +39,11 @@ class SteadyError:
         self.size, self.joint = np.nan, ""
 
     def add(self, measured: np.ndarray, commanded: np.ndarray, time: float) -> None:
-        """Take joints (eta,) [rad] that were measured at a time [s], and where they are commanded to rest."""
+        """Take joints (eta,) [rad] that were measured at a time [s] of the rest, and where they are commanded;
+        a state that was taken before changes nothing.
+        """
+        if self._errors and time <= self._errors[-1][0]:
+            return
         if self._errors and have_joints_moved(measured - commanded, self._errors[0][1]):
             self.forget()
         self._begun = min(self._begun, time)

@@ -45,15 +45,41 @@ def test_a_clock_that_is_ahead_hears_of_what_begins_by_so_much_later():
     assert watched([0.002, 0.002], ahead=0.05) == pytest.approx(0.048, abs=ROUNDING)
 
 
+@pytest.mark.parametrize(("rate", "stamped"), [(500.0, True), (100.0, True), (100.0, False), (20.0, False)])
+def test_a_pause_of_the_messages_counts_beyond_their_period(rate, stamped):
+    """The sender stood still: none was in transit meanwhile."""
+    watch, now = TransitWatch(), 0.0
+    for number in range(int(3.0 * rate)):
+        now += 1.0 / rate + (0.08 if number == int(2.5 * rate) else 0.0)
+        watch.take(TODAY + now - 0.001 if stamped else 0.0, arrival(now))
+        if number == int(2.4 * rate):
+            assert watch.longest(now) <= 0.001 + ROUNDING
+    assert watch.longest(now) == pytest.approx(0.08, abs=0.002)
+    assert watch.remark(now) == ""
+
+
+def test_a_silence_is_no_pause_and_what_is_too_late_to_be_allowed_for_is_a_remark():
+    watch, now = TransitWatch(), 0.0
+    for number in range(300):
+        now += 0.01 + (2.0 if number == 100 else 0.0)
+        watch.take(TODAY + now - 0.001, arrival(now))
+    assert watch.longest(now) <= 0.001 + ROUNDING
+    now += 0.2
+    watch.take(TODAY + now - 0.001, arrival(now))
+    assert "up to 190 ms late" in watch.remark(now)
+    assert "150 ms later at most" in watch.remark(now)
+
+
 @pytest.mark.parametrize("ahead", [-3.0, 3.0, -TODAY + 5.0])
 def test_of_another_clock_only_what_a_message_took_longer_than_others_counts(ahead):
     assert watched(10 * [0.002] + [0.032] + 5 * [0.002], ahead) == pytest.approx(0.03, abs=ROUNDING)
 
 
-def test_no_stamp_says_nothing():
+def test_messages_without_a_stamp_that_come_steadily_are_not_late():
     watch = TransitWatch()
-    watch.take(0.0, arrival(5.0))
-    assert watch.longest(5.0) == 0.0
+    for now in np.arange(5.0, 8.0, 0.01):
+        watch.take(0.0, arrival(float(now)))
+    assert watch.longest(8.0) < 1e-3
 
 
 def test_the_largest_figure_of_every_span_is_kept_as_long_as_it_counts():

@@ -68,3 +68,10 @@ def test_it_is_news_once_and_again_when_it_has_changed_by_a_milliradian_or_is_an
         assert steady.take_news() == ""
         steady.forget()
     assert said == [True, False, True, True]
+
+
+def test_a_state_that_is_not_new_is_no_rest(steady):
+    """As where joint states are missing: the arm may be anywhere since."""
+    for _ in range(200):
+        steady.add(COMMANDED + 0.003, COMMANDED, 1.0)
+    assert np.isnan(steady.size)
