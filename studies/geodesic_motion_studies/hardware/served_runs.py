@@ -200,7 +200,7 @@ def run_cases(
     chosen: Sequence[tuple[Case, int]], out: Path, domain: int, ended: Callable[[Row], None]
 ) -> None:
     """Run one after the other; ended : called with what came of each."""
-    demo = Demo(SERVED_SKILL, SCENE, out, False, domain)
+    demo = Demo(SERVED_SKILL, SCENE, out, False, domain, served=True)
     for number, (case, seed) in enumerate(chosen):
         folder = out / f"{number:03d}"
         ended(ServedRun(folder, domain, case.speed, demo, case.sphere, case.avoidance).row(case.name, seed, case.fault))
