@@ -7,12 +7,14 @@ import math
 import numba
 import numpy as np
 
-# Written signatures: compiled at the first import, not with the first cloud.
-_VECTOR = numba.types.Array(numba.float64, 1, "C", readonly=True)
-_POINTS = numba.types.Array(numba.float64, 2, "C", readonly=True)
+#: What was seen and is not seen any more counts for so long [s] after it was last seen, unless that is ruled out.
+MOMENT = 0.5
+#: Written signatures: compiled at the first import, not with the first cloud.
+VECTOR = numba.types.Array(numba.float64, 1, "C", readonly=True)
+POINTS = numba.types.Array(numba.float64, 2, "C", readonly=True)
 
 
-@numba.njit((_POINTS, _POINTS, _VECTOR), cache=True, nogil=True)
+@numba.njit((POINTS, POINTS, VECTOR), cache=True, nogil=True)
 def carry_finite(points: np.ndarray, rotation: np.ndarray, origin: np.ndarray) -> tuple[np.ndarray, float]:
     """Copy the finite ones of points (n, 3) [m], R p + o, and find the largest coordinate before that: (k, 3), [m].
 
@@ -30,7 +32,7 @@ def carry_finite(points: np.ndarray, rotation: np.ndarray, origin: np.ndarray) -
     return carried[:count], largest
 
 
-@numba.njit((_POINTS, _VECTOR, numba.float64), cache=True, nogil=True)
+@numba.njit((POINTS, VECTOR, numba.float64), cache=True, nogil=True)
 def points_within(points: np.ndarray, centre: np.ndarray, distance: float) -> np.ndarray:
     """Copy those of points (n, 3) that are not farther from a centre (3,): (k, 3)."""
     kept, count = np.empty((len(points), 3)), 0
@@ -42,7 +44,7 @@ def points_within(points: np.ndarray, centre: np.ndarray, distance: float) -> np
     return kept[:count]
 
 
-@numba.njit((_POINTS,), cache=True, nogil=True)
+@numba.njit((POINTS,), cache=True, nogil=True)
 def corners(points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Find the smallest and the largest coordinates (3,) of points (n, 3), of which there is one at least."""
     lower, upper = points[0].copy(), points[0].copy()

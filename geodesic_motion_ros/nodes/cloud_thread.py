@@ -10,21 +10,12 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
-import numpy as np
-
-from geodesic_motion_ros.geometry.distance_field import REACH
-from geodesic_motion_ros.geometry.point_clouds import points_within
-from geodesic_motion_ros.robot.kinematics import Robot
-
-#: The arm's body extends so far beyond the tool's origin at most [m].
-_BEYOND_TOOL = 0.2
-
 
 @dataclass(frozen=True)
 class CloudFigures:
     """The figures of the newest cloud: its points that count, those without a place, those out of reach, those of the
-    arm, how many are remembered, and the time [s] that reading it and making its field took, without the wait for a
-    joint state.
+    arm, how many are remembered, its clusters that may move, and the time [s] that reading it and making its field
+    took, without the wait for a joint state.
     """
 
     points: int = 0
@@ -32,14 +23,8 @@ class CloudFigures:
     out_of_reach: int = 0
     of_arm: int = 0
     remembered: int = 0
+    clusters: int = 0
     duration: float = 0.0
-
-
-def points_near(points: np.ndarray, robot: Robot) -> np.ndarray:
-    """Return those of points (n, 3) [m] in the base frame to which a distance field tells distances from the arm's
-    body.
-    """
-    return points_within(np.ascontiguousarray(points), robot.shoulder, robot.reach + _BEYOND_TOOL + REACH)
 
 
 class CloudThread:

@@ -18,11 +18,11 @@ from std_msgs.msg import String
 from visualization_msgs.msg import Marker, MarkerArray
 
 from geodesic_motion_ros.contract.status import Refusal, VerdictCode
-from geodesic_motion_ros.geometry.distance_field import DistanceField
+from geodesic_motion_ros.geometry.point_clouds import MOMENT
 from geodesic_motion_ros.geometry.pose import Pose
 from geodesic_motion_ros.nodes.arm_state import ArmState
 from geodesic_motion_ros.nodes.arming import Arming
-from geodesic_motion_ros.nodes.cloud_thread import CloudFigures, CloudThread, points_near
+from geodesic_motion_ros.nodes.cloud_thread import CloudFigures, CloudThread
 from geodesic_motion_ros.nodes.cycle import CycleInputs
 from geodesic_motion_ros.nodes.delivery import TransitWatch, stamp_of
 from geodesic_motion_ros.nodes.described_arm import DescribedArm
@@ -50,12 +50,13 @@ from geodesic_motion_ros.nodes.obstacle_subscription import ObstacleSubscription
 from geodesic_motion_ros.nodes.parameters import NodeParameters
 from geodesic_motion_ros.nodes.publishers import LATCHED
 from geodesic_motion_ros.nodes.refusals import RefusalLog
+from geodesic_motion_ros.nodes.seen_cloud import CloudSettings, SeenCloud, see_cloud
 from geodesic_motion_ros.obstacles.tracker import Key, ObstacleTracker
 from geodesic_motion_ros.planning.mission import GoalRequest
 from geodesic_motion_ros.robot.collision_model import CollisionModel
 from geodesic_motion_ros.robot.held_objects import HeldObject
 from geodesic_motion_ros.robot.kinematics import Robot
-from geodesic_motion_ros.robot.self_filter import FilteredCloud, Remembered, SelfFilter
+from geodesic_motion_ros.robot.self_filter import Remembered, SelfFilter
 from geodesic_motion_ros.utils.errors import RobotError
 
 # A joint state that was lost is replaced by the next one. The queue is short, but a message to be refused must not push
@@ -129,7 +130,7 @@ class PlannerInputs:
         self._self_filter = SelfFilter(robot, CollisionModel.named(skill_robot))
         self._remembered = Remembered.nothing()
         self._stopped = threading.Event()
-        self._cloud_thread = CloudThread(self._field_of, self._take_field, self._cloud_failed)
+        self._cloud_thread = CloudThread(self._see_cloud, self._take_cloud, self._cloud_failed)
         for topic, receive in (("joint_states", self.on_joint_states), (DRIVE_TOPIC, self.on_drive)):
             node.create_subscription(JointState, topic, receive, RECENT, raw=True)
         self._subscribe(String, "robot_description", lambda message: self._described.receive(message.data), LATCHED)
@@ -450,7 +451,7 @@ class PlannerInputs:
         heard = moment.running, moment.transit(seconds(message.header.stamp))
         self._cloud_thread.put((message, heard[0] - max(0.0, heard[1])), heard)
 
-    def _field_of(self, heard: tuple[PointCloud2, float]) -> tuple[DistanceField, CloudFigures, Remembered] | None:
+    def _see_cloud(self, heard: tuple[PointCloud2, float]) -> tuple[SeenCloud, CloudFigures] | None:
         """Read a cloud that was taken at a time [s, running]; None where it is refused, or the node ends."""
         message, taken = heard
         filters = self._parameters["self_filter"]
@@ -460,31 +461,30 @@ class PlannerInputs:
             joints = self._joints_at(taken) if filters else None
             began = time.monotonic()
             points, not_finite = read_cloud(message, self._frame, self.frames)
-            near = points_near(points, self._robot)
+            # A camera stands in the origin of its frame; of a cloud that somebody has carried nothing is known.
+            frame = frame_of(message.header, self._frame, self.frames)
+            viewpoint = frame.origin if np.any(frame.origin) else None
             edge = self._parameters["obstacle_cloud_voxel"]
-            filtered = FilteredCloud(near, 0, 0, Remembered.nothing())
-            if joints is not None:
-                with self._lock:
-                    held, remembered = self._held, self._remembered
-                padding = self._parameters["self_filter_padding"] + self.tracking_error
-                filtered = self._self_filter.remove(near, joints, held, padding, edge, taken, remembered)
-            field = DistanceField.of(
-                filtered.points,
-                edge,
-                self._parameters["obstacle_cloud_radius"],
-                self._parameters["obstacle_cloud_thickness"],
+            settings = CloudSettings(
+                edge, self._parameters["obstacle_cloud_radius"], self._parameters["obstacle_cloud_thickness"],
+                self._parameters["self_filter_padding"] + self.tracking_error,
+            )  # fmt: skip
+            with self._lock:
+                held, before = self._held, self._remembered
+            seen = see_cloud(
+                points, self._robot, self._self_filter, joints, held, settings, taken, before, viewpoint
             )
             figures = CloudFigures(
-                len(filtered.points), not_finite, len(points) - len(near), filtered.of_arm, filtered.remembered,
+                seen.points, not_finite, seen.out_of_reach, seen.of_arm, seen.remembered, len(seen.clusters),
                 time.monotonic() - began,
             )  # fmt: skip
-            if field.edge > edge:
+            if seen.field.edge > edge:
                 self._node.get_logger().warning(
-                    f"obstacle_cloud: its points are so far apart that cubes of {field.edge:.3f} m must do, not "
+                    f"obstacle_cloud: its points are so far apart that cubes of {seen.field.edge:.3f} m must do, not "
                     f"{edge:g} m: filter the cloud",
                     throttle_duration_sec=5.0,
                 )
-            return field, figures, filtered.memory
+            return seen, figures
         return None
 
     def _wait_for_joints(self, taken: float) -> bool:
@@ -508,13 +508,18 @@ class PlannerInputs:
                 "clouds and joint states by one clock, or set self_filter to false where no cloud shows the arm"
             ) from error
 
-    def _take_field(self, made: tuple[DistanceField, CloudFigures, Remembered], heard: tuple[float, float]) -> None:
+    def _take_cloud(self, made: tuple[SeenCloud, CloudFigures], heard: tuple[float, float]) -> None:
         """heard : when the cloud arrived, and its transit [s]."""
-        field, figures, remembered = made
+        seen, figures = made
+        lifetime = self._parameters["obstacle_lifetime"]
         with self._lock:
-            taken = self._tracker.replace_cloud("obstacle_cloud", field, *heard, self._parameters["obstacle_lifetime"])
+            # What was an obstacle may be in the hand.
+            moment = MOMENT if seen.memory.held == self._remembered.held else 0.0
+            taken = self._tracker.replace_cloud(
+                "obstacle_cloud", seen.field, *heard, lifetime, seen.clusters, seen.around, moment
+            )
             if taken:
-                self._cloud_figures, self._remembered = figures, remembered
+                self._cloud_figures, self._remembered = figures, seen.memory
         self._count_overtaken("obstacle_cloud", taken)
         self._obstacles_changed()
 

@@ -238,6 +238,7 @@ class PlannerOutputs:
             "cloud_points_out_of_reach": cloud.out_of_reach,
             "cloud_points_of_arm": cloud.of_arm,
             "cloud_points_remembered": cloud.remembered,
+            "cloud_clusters": cloud.clusters,
             "cloud_ms": 1e3 * cloud.duration,
             "obstacles": obstacles,
             "obstacle_share": load.share,

@@ -16,8 +16,11 @@ from itertools import compress
 
 import numpy as np
 
+from geodesic_motion_ros.geometry.clusters import Cluster
 from geodesic_motion_ros.geometry.distance_field import DistanceField
+from geodesic_motion_ros.geometry.point_clouds import MOMENT
 from geodesic_motion_ros.geometry.shapes import no_solids
+from geodesic_motion_ros.obstacles.cluster_tracks import ClusterTracks
 from geodesic_motion_ros.obstacles.obstacles import Obstacles
 from geodesic_motion_ros.obstacles.track import REORDER_WINDOW, MessageOrder, Place, Track
 from geodesic_motion_ros.obstacles.tracked_obstacle import TrackedObstacle
@@ -43,7 +46,7 @@ class ObstacleSet:
     times : (n,) [s] when each sphere was where its newest update says, on the clock that is passed in.
     solids, solid_velocities, solid_velocity_errors, solid_times : (b, 16) rows as of `geometry/shapes.py`, (b, 3),
         (b,), (b,), likewise.
-    cloud : distances from the points of the newest cloud, which stands.
+    cloud : distances from those points of the newest cloud that stand; its clusters are among the spheres.
     names : n + b texts as the labels, each with the nodes that publish on its topic; cloud_name : likewise.
     """
 
@@ -133,6 +136,7 @@ class ObstacleTracker:
         self._version = 0
         self._set: ObstacleSet | None = None
         self._cloud, self._cloud_source = DistanceField.none(), ""
+        self._clusters = ClusterTracks()
         self._cloud_order = MessageOrder()
 
     def hear(
@@ -246,16 +250,31 @@ class ObstacleTracker:
         return len(doomed)
 
     def replace_cloud(
-        self, source: str, cloud: DistanceField, now: float, transit: float = 0.0, forget_after: float = 0.0
+        self,
+        source: str,
+        cloud: DistanceField,
+        now: float,
+        transit: float = 0.0,
+        forget_after: float = 0.0,
+        clusters: Sequence[Cluster] = (),
+        around: float = 0.0,
+        moment: float = MOMENT,
     ) -> bool:
         """Exchange the cloud for one that arrived at `now` [s]; False when that was overtaken and is ignored.
 
+        Parameters
+        ----------
         forget_after : as of `hear`.
+        clusters : what is not in the field and may move, with spheres of so large a radius `around` their points [m].
+        moment : clusters that are not seen any more count for so long [s].
         """
-        if self._cloud_order.register(now - max(0.0, transit)):
+        taken = now - max(0.0, transit)
+        if self._cloud_order.register(taken):
             return False
         self.hear(source, now, transit, forget_after, empty=True)
         self._cloud, self._cloud_source = cloud, source
+        self._clusters.replace(clusters, around, now, taken, now - transit, moment)
+        self._next_expiry = min(self._next_expiry, self._clusters.changes(now))
         self._changed()
         return True
 
@@ -267,7 +286,7 @@ class ObstacleTracker:
         self._unusable.clear()
         self._ends.clear()
         self._noise.clear()
-        self._cloud, self._cloud_order = DistanceField.none(), MessageOrder()
+        self._forget_cloud()
         self._next_expiry = math.inf
         self._changed()
 
@@ -364,8 +383,9 @@ class ObstacleTracker:
                 self._rest_when_empty(source)
         for source in [source for source, end in self._ends.items() if now >= end]:
             self._forget(source)
+        self._clusters.expire(now)
         changes = [one.changes(now) for obstacles in self._tracked.values() for one in obstacles.values()]
-        self._next_expiry = min([*changes, *self._ends.values()], default=math.inf)
+        self._next_expiry = min([*changes, *self._ends.values(), self._clusters.changes(now)])
         self._changed()
 
     def _forget(self, source: str) -> None:
@@ -373,8 +393,11 @@ class ObstacleTracker:
         self._tracked.pop(source, None)
         self._alive.discard(source)
         if source == self._cloud_source:
-            self._cloud, self._cloud_order = DistanceField.none(), MessageOrder()
+            self._forget_cloud()
         self._rest_when_empty(source)
+
+    def _forget_cloud(self) -> None:
+        self._cloud, self._clusters, self._cloud_order = DistanceField.none(), ClusterTracks(), MessageOrder()
 
     def _rest_when_empty(self, source: str) -> None:
         """Expect nothing more of a source whose last obstacle has vanished, unless it is required, or gives signs of
@@ -389,15 +412,24 @@ class ObstacleTracker:
 
     def _assemble(self, now: float) -> ObstacleSet:
         existing = sorted(self._existing(), key=lambda item: item[:2])
-        most = max(1, _MOST_VELOCITIES // max(1, sum(obstacle.newest.moves for _, _, obstacle in existing)))
-        alive = [(source, key, place) for source, key, one in existing for place in one.places(now, most)]
+        moving = sum(obstacle.newest.moves for _, _, obstacle in existing) + self._clusters.moving()
+        most = max(1, _MOST_VELOCITIES // max(1, moving))
+        cloud = f"the point cloud of {self._cloud_source}"
+        alive = [
+            (_label(source, key), self._named(source, _label(source, key)), place)
+            for source, key, one in existing
+            for place in one.places(now, most)
+        ] + [
+            (_label(self._cloud_source, ("cluster", number)), self._named(self._cloud_source, cloud), place)
+            for number, place in self._clusters.places(now, most)
+        ]
         ordered = sorted(alive, key=lambda item: item[2].solid is not None)
         spheres = [place for _, _, place in alive if place.solid is None]
         solids = [place for _, _, place in alive if place.solid is not None]
         return ObstacleSet(
             np.array([place.centre for place in spheres], dtype=float).reshape(-1, 3),
             np.array([place.radius for place in spheres], dtype=float),
-            tuple(_label(source, key) for source, key, _ in ordered),
+            tuple(label for label, _, _ in ordered),
             self._version,
             _velocities(spheres),
             _velocity_errors(spheres),
@@ -407,8 +439,8 @@ class ObstacleTracker:
             _velocity_errors(solids),
             np.array([place.since for place in solids], dtype=float),
             self._cloud,
-            tuple(self._named(source, _label(source, key)) for source, key, _ in ordered),
-            self._named(self._cloud_source, f"the point cloud of {self._cloud_source}"),
+            tuple(name for _, name, _ in ordered),
+            self._named(self._cloud_source, cloud),
         )
 
     def _named(self, source: str, label: str) -> str:

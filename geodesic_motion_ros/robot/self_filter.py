@@ -16,12 +16,11 @@ from functools import lru_cache
 import numba
 import numpy as np
 
+from geodesic_motion_ros.geometry.point_clouds import MOMENT
 from geodesic_motion_ros.robot.collision_model import CollisionModel
 from geodesic_motion_ros.robot.held_objects import HeldObject
 from geodesic_motion_ros.robot.kinematics import MATRIX, VECTOR, Robot
 
-#: What touches the arm is remembered for so long [s] after it was last seen outside of the padding.
-MOMENT = 0.5
 #: Points that are not farther from the padded arm [m] may touch it at the next cloud: 1 m/s at 10 clouds a second.
 _AROUND = 0.1
 #: Cubes are made larger where there would be more.

@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from geodesic_motion_ros.geometry.distance_field import REACH
-from geodesic_motion_ros.nodes.cloud_thread import CloudThread, points_near
+from geodesic_motion_ros.nodes.cloud_thread import CloudThread
+from geodesic_motion_ros.nodes.seen_cloud import points_near
 from geodesic_motion_ros.robot.kinematics import Robot
 
 PATIENCE = 5.0

@@ -17,6 +17,7 @@ from sensor_msgs.msg import PointCloud2
 from std_msgs.msg import Header
 from visualization_msgs.msg import Marker, MarkerArray
 
+from geodesic_motion_ros.geometry.point_clouds import MOMENT
 from geodesic_motion_ros.nodes.cloud_thread import CloudFigures
 from geodesic_motion_ros.nodes.messages import cloud_message, joint_state_message
 from geodesic_motion_ros.nodes.node_time import NodeTime
@@ -25,7 +26,6 @@ from geodesic_motion_ros.nodes.planner_inputs import PlannerInputs
 from geodesic_motion_ros.robot.collision_model import CollisionModel
 from geodesic_motion_ros.robot.held_objects import HeldObject
 from geodesic_motion_ros.robot.kinematics import Robot
-from geodesic_motion_ros.robot.self_filter import MOMENT
 
 #: [m/s], [s].
 SPEED, PATIENCE = 0.5, 10.0

@@ -8,10 +8,11 @@ import numpy as np
 import pytest
 from scipy.spatial.distance import cdist
 
+from geodesic_motion_ros.geometry.point_clouds import MOMENT
 from geodesic_motion_ros.robot.collision_model import CollisionModel
 from geodesic_motion_ros.robot.held_objects import HeldObject
 from geodesic_motion_ros.robot.kinematics import Robot
-from geodesic_motion_ros.robot.self_filter import MOMENT, FilteredCloud, Remembered, SelfFilter
+from geodesic_motion_ros.robot.self_filter import FilteredCloud, Remembered, SelfFilter
 from geodesic_motion_studies.tools.collision_geometry import CollisionGeometry
 
 PADDING, EDGE, PERIOD = 0.02, 0.02, 1.0 / 30.0

@@ -16,11 +16,13 @@ from builtin_interfaces.msg import Time
 from sensor_msgs.msg import PointCloud2
 from tqdm import tqdm
 
+from geodesic_motion_ros.geometry.clusters import split_cloud
 from geodesic_motion_ros.geometry.distance_field import DistanceField
 from geodesic_motion_ros.geometry.quaternions import inverse, normalise, rotate
-from geodesic_motion_ros.nodes.cloud_thread import points_near
 from geodesic_motion_ros.nodes.messages import cloud_message, read_cloud
 from geodesic_motion_ros.nodes.parameter_tables import PLANNER
+from geodesic_motion_ros.nodes.seen_cloud import LARGEST_CLUSTER, MOST_CLUSTERS, points_near
+from geodesic_motion_ros.obstacles.tracker import ObstacleTracker
 from geodesic_motion_ros.robot.collision_model import CollisionModel
 from geodesic_motion_ros.robot.joint_history import JointHistory
 from geodesic_motion_ros.robot.kinematics import Robot
@@ -28,7 +30,7 @@ from geodesic_motion_ros.robot.self_filter import Remembered, SelfFilter
 from geodesic_motion_ros.utils.tables import text_table
 from geodesic_motion_studies.benchmarks.stopwatch import Stopwatch, no_garbage_collection, percentiles_ms
 
-STEPS = ("read", "near", "self-filter", "field")
+STEPS = ("read", "near", "self-filter", "clusters", "field")
 #: Clouds a second of a depth camera, for the share of a core.
 RATE = 30.0
 #: Joint states a second; noise of the camera [m]; where it stands [m], and how it is turned.
@@ -71,6 +73,7 @@ class CloudBench:
         watches = {step: Stopwatch() for step in STEPS}
         dropped, remembered, kept = [], [], []
         history, memory = JointHistory(self.robot), Remembered.nothing()
+        tracker = ObstacleTracker()
         states = itertools.count()
         ahead = 5
         for number in tqdm(range(ahead + clouds), desc=f"{self.count} points", disable=not show_progress):
@@ -88,9 +91,14 @@ class CloudBench:
                 with watches["self-filter"]:
                     joints = history.at(time, self._values["state_timeout"])
                     filtered = self._filter.remove(near, joints, (), padding, edge, time, memory)
+                with watches["clusters"]:
+                    split = split_cloud(filtered.points, edge, LARGEST_CLUSTER, MOST_CLUSTERS)
+                    tracker.replace_cloud(
+                        "obstacle_cloud", DistanceField.none(), time, clusters=split.clusters, around=0.02
+                    )
                 with watches["field"]:
                     DistanceField.of(
-                        filtered.points, edge, self._values["obstacle_cloud_radius"],
+                        split.rest, edge, self._values["obstacle_cloud_radius"],
                         self._values["obstacle_cloud_thickness"],
                     )  # fmt: skip
             memory = filtered.memory
