@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from copy import deepcopy
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from xml.etree import ElementTree
@@ -24,11 +25,13 @@ def simulated_urdf(described: RobotDescription) -> Path:
     return Path(pybullet_data.getDataPath() if brought != described.simulated_urdf else "") / brought
 
 
-def load_arm(client: PhysicsClient, described: RobotDescription) -> int:
+def load_arm(client: PhysicsClient, described: RobotDescription, bodies_shown: bool = False) -> int:
     """An arm from the URDF of its folder for the simulation, its base link in the origin; PyBullet's number.
 
     Gravity acts along the world's vertical, which is that of the URDF's root link. Links without masses have those that
     stand in for them.
+
+    bodies_shown : pictures show the bodies that collide, and not those that are drawn.
 
     Raises
     ------
@@ -37,7 +40,7 @@ def load_arm(client: PhysicsClient, described: RobotDescription) -> int:
     urdf = simulated_urdf(described)
     with TemporaryDirectory() as folder:
         try:
-            arm = client.loadURDF(str(_with_masses(urdf, Path(folder))), useFixedBase=True)
+            arm = client.loadURDF(str(_completed(urdf, Path(folder), bodies_shown)), useFixedBase=True)
         except PhysicsError as error:
             raise RobotError(f"PyBullet cannot read {urdf}: are its meshes where it says?") from error
     infos = [client.getJointInfo(arm, index) for index in range(client.getNumJoints(arm))]
@@ -53,13 +56,29 @@ def load_arm(client: PhysicsClient, described: RobotDescription) -> int:
     return arm
 
 
-def _with_masses(urdf: Path, folder: Path) -> Path:
-    """The URDF itself, or where links with bodies lack their masses a copy in a folder that has them."""
+def joint_numbers(client: PhysicsClient, arm: int) -> dict[str, int]:
+    """PyBullet's numbers of an arm's joints, in their order, by name."""
+    infos = [client.getJointInfo(arm, index) for index in range(client.getNumJoints(arm))]
+    return {info[1].decode(): info[0] for info in infos}
+
+
+def _completed(urdf: Path, folder: Path, bodies_shown: bool) -> Path:
+    """The URDF itself, or where links with bodies lack their masses, or others are shown, a copy in a folder."""
     root = read_urdf(urdf)
-    if not complete_inertials(root, urdf):
+    if not complete_inertials(root, urdf) and not bodies_shown:
         return urdf
+    if bodies_shown:
+        for link in root.iter("link"):
+            for drawn in link.findall("visual"):
+                link.remove(drawn)
+            for body in link.findall("collision"):
+                shown = deepcopy(body)
+                shown.tag = "visual"
+                link.append(shown)
     for mesh in root.iter("mesh"):
-        mesh.set("filename", str((urdf.parent / mesh.get("filename", "")).resolve()))
+        # As PyBullet does, from the URDF's folder.
+        name = mesh.get("filename", "").removeprefix("package://")
+        mesh.set("filename", str((urdf.parent / name).resolve()))
     copy = folder / urdf.name
     copy.write_text(ElementTree.tostring(root, encoding="unicode"))
     return copy

@@ -33,8 +33,8 @@ tables    all scenes; those in which at least half of the demonstrations stay fr
           and the rest; successes by family; where there are any, the scenes that ended with a contact of the arm that
           stood: those in which an arm that waits at the start is not touched, and those in which it is
 files     in the folder SKILL of the output folder, in it in guard_arm where --guard arm is not what the skill guards by
-          itself, in lag_SECONDS with --lag, in camera with --camera, and in held_out with --held-out: table.txt and the
-          same tables in table.md, figures.json, success.png, clearance.png, strip.png
+          itself, in lag_SECONDS with --lag, in camera with --camera, in cloud with --cloud, and in held_out with
+          --held-out: table.txt and the same tables in table.md, figures.json, success.png, clearance.png, strip.png
 scenes    --save-scenes FILE plays nothing and writes the scenes that would be played as numbers, .npz; --scenes-from
           FILE plays exactly these, whichever version of the code would draw others, and keeps its results in a folder
           scenes_DIGEST of the file's own; `judge` judges motions of other programs in them
@@ -45,6 +45,9 @@ camera    --camera, not with --lag: every method is handed what a camera and the
           spheres, not where they truly are: 30 frames a second, each published 80 ms later, positions with noise of
           1 cm on each axis, one detection in twenty lost, nothing where the arm hides it. The judge goes by the true
           spheres
+cloud     --cloud, not with --lag or --camera: every method is handed what clouds of a rendered depth camera show, with
+          the arm in view, with noise and without what is hidden: 30 clouds a second of 160 x 120 pixels, each published
+          80 ms later, through the planner node's self-filter, clusters and tracker
 held out  with --held-out every method is given two thirds of the demonstrations, a skill trained on these alone; a
           scene goes from where one of the others began to where it ended, and dtw and orient are distance and angle
           from this one, which no method has seen: the control is no distance from what it replays, but it is from
@@ -117,6 +120,10 @@ def add_command(commands: argparse._SubParsersAction) -> None:
         "--camera", action="store_true",
         help="methods are handed what a camera and a tracker know of the spheres; not with --lag",
     )  # fmt: skip
+    parser.add_argument(
+        "--cloud", action="store_true",
+        help="methods are handed what the clouds of a depth camera show; not with --lag, --camera",
+    )  # fmt: skip
     parser.add_argument("--processes", type=int, default=1, help="that play scenes")
     parser.add_argument(
         "--kept", action="store_true",
@@ -146,7 +153,8 @@ def run(arguments: argparse.Namespace) -> None:
     left_out = [f"{name} ({row.missing} is not installed)" for name, row in ROWS.items() if row.missing]
     skill = Skill.load(arguments.skill)
     guard = guard_of(skill, arguments.guard)
-    chosen_options = given(arguments, "scenes", "seed", "processes", "held_out", "scenes_from", "lag", "camera")
+    names = "scenes", "seed", "processes", "held_out", "scenes_from", "lag", "camera", "cloud"
+    chosen_options = given(arguments, *names)
     families = arguments.families or families_of(guard)
     _check_scene_options(arguments)
     if arguments.scenes_from is not None:
@@ -177,7 +185,8 @@ def run(arguments: argparse.Namespace) -> None:
     played = list(play_benchmark(skill, settings, arguments.out)) if kept is None else kept
     descriptions = {name: ROWS[name].description for name in methods}
     report = Report(
-        skill.name, settings.seed, played, descriptions, settings.held_out, guard, settings.lag, settings.camera
+        skill.name, settings.seed, played, descriptions, settings.held_out, guard, settings.lag, settings.camera,
+        settings.cloud,
     )
     print(report.plain())
     (folder / "table.txt").write_text(report.plain() + "\n")

@@ -159,7 +159,7 @@ class Report:
     ----------
     descriptions : what each row is, in a line. held_out : whether similarity is to a demonstration that was held out.
     guard : what was guarded; None where that is not said. lag : of the arm [s].
-    camera : whether methods were handed what a camera and a tracker know of the spheres.
+    camera, cloud : whether methods were handed what a camera and a tracker know of the spheres, or what clouds show.
     """
 
     skill: str
@@ -170,6 +170,7 @@ class Report:
     guard: Guard | None = None
     lag: float = 0.0
     camera: bool = False
+    cloud: bool = False
 
     @property
     def similar_to(self) -> str:
@@ -194,6 +195,7 @@ class Report:
             "lag": self.lag,
             "largest_lag_mm": self._largest_lag,
             "camera": self.camera,
+            "cloud": self.cloud,
             "level": LEVEL,
             "rows": {
                 row: {
@@ -246,7 +248,7 @@ class Report:
     def _title(self) -> str:
         guarded = "" if self.guard is None else f", {_GUARDED[self.guard]} guarded"
         lag = f", the arm {self.lag:g} s late, up to {self._largest_lag:.0f} mm behind" if self.lag else ""
-        camera = ", spheres seen by a camera" if self.camera else ""
+        camera = ", spheres seen by a camera" if self.camera else ", seen in clouds" if self.cloud else ""
         return f"{self.skill}, seed {self.seed}{guarded}{lag}{camera}; DTW and orientation from {self.similar_to}"
 
     def _tables(self) -> list[_Table]:

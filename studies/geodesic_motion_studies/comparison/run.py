@@ -17,6 +17,7 @@ from geodesic_motion_ros.utils.errors import GeodesicMotionError, ParameterError
 from geodesic_motion_studies.comparison.arena import Arena
 from geodesic_motion_studies.comparison.camera import CameraStage
 from geodesic_motion_studies.comparison.catalogue import ROWS
+from geodesic_motion_studies.comparison.cloud import CloudStage
 from geodesic_motion_studies.comparison.execution import Stage
 from geodesic_motion_studies.comparison.families import FAMILIES, Family, check_families
 from geodesic_motion_studies.comparison.guard import Guard, guard_of, own_guard
@@ -35,7 +36,8 @@ class BenchmarkSettings:
     `processes` play scenes at once, which does not change them. `held_out`: scenes of demonstrations that no method was
     given. `guard`: what is guarded; None: what the skill guards by itself. `scenes_from`: a file whose scenes are
     played, in the place of scenes that are drawn; `families` and `seed` are those of the file then. `lag`: of the arm
-    [s] (`lag.py`). `camera`: methods are handed what a camera and a tracker know of the spheres (`camera.py`).
+    [s] (`lag.py`). `camera`: methods are handed what a camera and a tracker know of the spheres (`camera.py`); `cloud`:
+    what the clouds of a depth camera show (`cloud.py`).
     """
 
     methods: tuple[str, ...]
@@ -48,6 +50,7 @@ class BenchmarkSettings:
     scenes_from: Path | None = None
     lag: float = 0.0
     camera: bool = False
+    cloud: bool = False
 
     def __post_init__(self) -> None:
         unknown = [family for family in self.families if family not in FAMILIES]
@@ -59,8 +62,8 @@ class BenchmarkSettings:
         if self.scenes_from is not None and self.held_out:
             raise ParameterError("scenes of a file are of no demonstrations that are held out")
         check_lag(self.lag)
-        if self.camera and self.lag:
-            raise ParameterError("a camera and an arm that lags are not played together: choose one of both")
+        if sum(map(bool, (self.camera, self.cloud, self.lag))) > 1:
+            raise ParameterError("a camera, clouds and an arm that lags are not played together: choose one of them")
         if not self.methods:
             raise ParameterError(f"no method is given: choose from {'; '.join(ROWS)}")
 
@@ -82,6 +85,8 @@ class BenchmarkSettings:
             other.append(f"lag_{self.lag:g}")
         if self.camera:
             other.append("camera")
+        if self.cloud:
+            other.append("cloud")
         return "/".join(other)
 
 
@@ -115,6 +120,8 @@ class Bench:
             lag = self._settings.lag
             if self._settings.camera:
                 self._stage = CameraStage(self._whole)
+            elif self._settings.cloud:
+                self._stage = CloudStage(self._whole)
             else:
                 self._stage = LateStage(self._whole, lag) if lag else Stage(self._whole)
         return self._stage
