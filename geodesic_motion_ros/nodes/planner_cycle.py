@@ -30,12 +30,13 @@ from geodesic_motion_ros.nodes.arm_watch import REST_TIME, ArmWatch, UnsettledAr
 from geodesic_motion_ros.nodes.cycle import CycleInputs, CycleOutput, PoseArrays
 from geodesic_motion_ros.nodes.cycle_clock import CycleClock
 from geodesic_motion_ros.nodes.delivery import Lately, takeover_delay
-from geodesic_motion_ros.nodes.deviation import have_joints_moved, joint_deviation, pose_deviation
+from geodesic_motion_ros.nodes.deviation import joint_deviation, pose_deviation
 from geodesic_motion_ros.nodes.drive_watch import DriveWatch
 from geodesic_motion_ros.nodes.input_faults import Halt, readiness, rivals, stale_state
 from geodesic_motion_ros.nodes.newest_goal import NewestGoal
 from geodesic_motion_ros.nodes.preparation import Preparation
 from geodesic_motion_ros.nodes.sent_trajectories import SentTrajectories
+from geodesic_motion_ros.nodes.shown_plan import ShownPlan
 from geodesic_motion_ros.nodes.steady_error import SteadyError
 from geodesic_motion_ros.obstacles.obstacles import Obstacles
 from geodesic_motion_ros.planning.guarded_arm import PreparedArm
@@ -55,8 +56,6 @@ TRANSIT = 0.005
 FRESH = 0.05
 #: Topics whose obstacles have names that an object in the hand may have, too.
 _NAMED = ("obstacles", "obstacle_marker")
-#: A planner that is not armed plans anew what it shows so often [s].
-SHOWN = 1.0
 #: Two stops because of the posture have no progress between them where the tool is within this distance [m].
 _NO_PROGRESS = 0.01
 
@@ -139,10 +138,9 @@ class PlannerCycle:
         self._over_since = math.inf
         # What the log is to say of this cycle, and what has happened that disarms.
         self._news = self._disarms = ""
-        # Whether the planner was armed in the last cycle; whether it shows alone, and until when it shows what [s].
+        # Whether the planner was armed in the last cycle, and whether it only shows what it would do.
         self._armed, self._shows = True, False
-        self._shown: tuple[Plan, np.ndarray, float] | None = None
-        self._shown_goal = 0
+        self._shown = ShownPlan(planner)
         self._task_frame: PoseArrays | None = None
         self._frame_verdict = Verdict()
         # Whether the goal that is being prepared is the old one, in a task frame that has moved.
@@ -254,7 +252,7 @@ class PlannerCycle:
         elif self._armed and self._shows:
             # What is shown was never played.
             self._shows = self._stood = False
-            self._shown = None
+            self._shown.forget()
             self._arm.begin()
         if self._shows:
             self._horizon.forget()
@@ -270,34 +268,15 @@ class PlannerCycle:
         judged += [verdict, readiness(inputs, self._command_topic, self._uncounted, without_goal), self._frame_verdict]
         refused = next((one for one in judged if not one.ok), None)
         if refused is not None:
-            self._shown = None
+            self._shown.forget()
             return CycleOutput(refused, self._goal.verdict, mode=Mode.from_verdict(refused).value)
         assert inputs.measured is not None  # it is not stale
-        plan = self._plan_to_show(inputs.measured, inputs)
+        plan = self._shown.make(inputs.measured, inputs.goal_number, inputs.now, inputs.heard)
         shown = plan.verdict
         if plan.reference is not None and shown.ok:
             shown = Refusal(VerdictCode.HOLD_REQUESTED, inputs.unarmed, shown.figures)
         reference = plan.reference if plan.verdict.ok else None
         return CycleOutput(shown, self._goal.verdict, reference=reference, mode=Mode.from_verdict(shown).value)
-
-    def _plan_to_show(self, configuration: np.ndarray, inputs: CycleInputs) -> Plan:
-        """The plan from a configuration (eta,) [rad]: anew every SHOWN, once the arm was moved, and for another goal.
-        """
-        if self._shown is not None:
-            plan, start, until = self._shown
-            same_goal = inputs.goal_number == self._shown_goal
-            if same_goal and inputs.heard < until and not have_joints_moved(configuration, start):
-                return plan
-        commanded = self.planner.commanded_state(inputs.now)
-        if commanded is None or have_joints_moved(configuration, commanded[0]):
-            self._stand_at(configuration, inputs.now)
-            self._standing = None
-        plan = self.planner.tick(inputs.now)
-        self._shown, self._shown_goal = None, inputs.goal_number
-        if plan.reference is not None:
-            self.planner.withdraw()
-            self._shown = plan, configuration, inputs.heard + SHOWN
-        return plan
 
     def _in_turn(self, inputs: CycleInputs) -> CycleInputs:
         """The inputs with continuous joints measured in the turn that is commanded, however the driver counts turns."""
