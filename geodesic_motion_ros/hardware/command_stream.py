@@ -7,6 +7,7 @@ rest at its end. So does an arm that hears nothing more.
 from __future__ import annotations
 
 import copy
+import math
 from collections import deque
 from collections.abc import Sequence
 
@@ -36,6 +37,7 @@ class CommandStream:
         self._limits, self._names = limits, tuple(names)
         self._player = TrajectoryPlayer(positions, np.zeros(len(positions)))
         self._sent = deque([positions.copy() for _ in range(SEEN)], maxlen=SEEN)
+        self._newest = -math.inf
         # In the order in which they begin, with that time.
         self._waiting: list[tuple[float, JointWaypoints, float]] = []
 
@@ -58,9 +60,14 @@ class CommandStream:
 
     def command(self, now: float) -> tuple[np.ndarray, str]:
         """Positions, velocities and accelerations (3, eta) to command now, and why a trajectory whose time has come is
-        not played; "" where none is refused. To be called once a millisecond: what it returns counts as sent.
+        not played; "" where none is refused. To be called once a millisecond: what it returns counts as sent. Of
+        milliseconds that were missed what should have been sent does: an arm goes on by itself, nearly so.
         """
         refused = ""
+        missed = round((now - self._newest) / PERIOD) - 1 if math.isfinite(self._newest) else 0
+        for step in range(min(missed, SEEN), 0, -1):
+            self._sent.append(self._player.sample(now - PERIOD * step)[0])
+        self._newest = now
         due = None
         while self._waiting and self._waiting[0][0] <= now:
             due = self._waiting.pop(0)

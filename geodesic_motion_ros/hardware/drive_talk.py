@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
+from geodesic_motion_ros.hardware.drive_state import DriveMode
 from geodesic_motion_ros.trajectory.trajectory_player import JointWaypoints
 
 
@@ -21,9 +22,10 @@ class Request(NamedTuple):
 
 class Notice(NamedTuple):
     """What the node hears: with a number what came of that request, `done` or `failed`; with number 0 an event:
-    `info`, `warning`, `error`, or `refused`, which is a trajectory.
+    `info`, `warning`, `error`, or `refused`, which is a trajectory. mode : that the text explains, where it does.
     """
 
     kind: str
     text: str
     number: int = 0
+    mode: DriveMode | None = None

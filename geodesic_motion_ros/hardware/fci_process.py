@@ -101,7 +101,8 @@ class FciProcess:
         reason = f"no connection to the arm at {self._address}: {_brief(error)}"
         if reason != self._said:
             self._said = reason
-            self._tell("error", f"{reason}; tried again every {_RETRY:g} s; then it needs ~/arm anew")
+            text = f"{reason}; tried again every {_RETRY:g} s; then it needs ~/arm anew"
+            self._tell("error", text, mode=DriveMode.CONNECTING)
         until = time.monotonic() + _RETRY
         while not self._closing and time.monotonic() < until:
             for request in self._requests(_LISTEN):
@@ -142,7 +143,7 @@ class FciProcess:
 
     def _say_mode(self, mode: DriveMode, state: fci.RobotState) -> None:
         kind = "info" if mode is DriveMode.DISARMED else "error"
-        self._tell(kind, _standing(mode, state))
+        self._tell(kind, _standing(mode, state), mode=mode)
 
     # ------------------------------------------------------------------ following
 
@@ -240,9 +241,9 @@ class FciProcess:
     def _answer(self, request: Request, done: bool, text: str) -> None:
         self._tell("done" if done else "failed", text, request.number)
 
-    def _tell(self, kind: str, text: str, number: int = 0) -> None:
+    def _tell(self, kind: str, text: str, number: int = 0, mode: DriveMode | None = None) -> None:
         with suppress(OSError):  # the node has ended: the next look for requests finds that
-            self._link.send(Notice(kind, text, number))
+            self._link.send(Notice(kind, text, number, mode))
 
     # ------------------------------------------------------------------ beginning
 

@@ -9,7 +9,6 @@ published.
 from __future__ import annotations
 
 import sys
-import threading
 import time
 from typing import Any
 
@@ -96,9 +95,12 @@ class FrankaNode(LoopingNode):
         self.refusals = RefusalLog(self.get_logger().warning)
         self.link = FciLink(self._address, values["robot"], self._by_robot, self._epoch, self._hear, self._died)
         self._loop = SteadyLoop(self._tick, rate, self._died, name="states")
-        self._published, self._mode = 0, DriveMode.CONNECTING
+        self._published = 0
+        self._mode: DriveMode | None = None
         self._every = max(1, round(rate / _STATUS_RATE))
-        self._newest, self._newest_lock = "", threading.Lock()
+        # What the arm said last, and what it said last of each mode.
+        self._newest = ""
+        self._explained: dict[DriveMode, str] = {}
         qos = QoSProfile(depth=1)
         self._states = self.create_publisher(JointState, "joint_states", qos)
         self._commanded = self.create_publisher(JointState, "commanded_joint_states", qos)
@@ -147,15 +149,11 @@ class FrankaNode(LoopingNode):
         self._commanded.publish(joint_state_message(names, state.commanded, state.commanded_velocities, stamp))
 
     def _publish_status(self, state: DriveState) -> None:
-        with self._newest_lock:
-            newest = self._newest
-        message = _MESSAGES[state.mode]
-        if newest and state.mode not in (DriveMode.FOLLOWING, DriveMode.DISARMED):
-            message += f": {newest}"
+        message = self._explained.get(state.mode) or _MESSAGES[state.mode]
         error = float(np.max(np.abs(state.positions - state.commanded)))
         values = {
             "mode": state.mode.name,
-            "newest": newest,
+            "newest": self._newest,
             "success_rate": state.success,
             "lost_cycles": state.lost,
             "tracking_error_mrad": 1000.0 * error,
@@ -171,8 +169,10 @@ class FrankaNode(LoopingNode):
         if notice.kind == "refused":
             self.refusals.add(_TRAJECTORIES, notice.text)
             return
-        with self._newest_lock:
-            self._newest = notice.text
+        self._newest = notice.text
+        if notice.mode is not None:
+            self._explained[notice.mode] = notice.text
+            self._mode = None  # the status is published anew
         log = self.get_logger()
         # each from a line of its own: rclpy keeps the level of a line
         if notice.kind == "info":

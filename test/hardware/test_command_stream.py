@@ -58,6 +58,23 @@ def test_a_takeover_that_repeats_what_is_played_is_none_that_the_arm_feels(arm, 
 
 
 @settings(max_examples=15, deadline=None)
+@given(seed=SEEDS, missed=st.integers(1, 25))
+def test_a_takeover_after_missed_milliseconds_is_judged_by_what_should_have_been_sent(arm, seed, missed) -> None:
+    old = arm.motion(seed)
+    at = 0.5 * old.duration
+    new = joined(old, 0.0, arm.motion(seed + 1, *old.sample(at)), at)
+    stream = CommandStream(old.positions[0], arm.limits, arm.names)
+    stream.receive(arm.sent(old), 0.0, 0.0)
+    last = cycles(at - 0.05)
+    played(stream, 0, last)
+    stream.receive(arm.sent(new), 0.0, PERIOD * last)
+    _, refused = stream.command(PERIOD * (last + missed))
+    assert not refused
+    _, refused = played(stream, last + missed + 1, cycles(new.duration) + 10)
+    assert not refused
+
+
+@settings(max_examples=15, deadline=None)
 @given(seed=SEEDS, joint=st.integers(0, 6), step=st.floats(2e-5, 0.05), share=st.floats(0.1, 0.9))
 def test_a_trajectory_that_steps_changes_nothing_of_what_is_commanded(arm, seed, joint, step, share) -> None:
     motion = arm.motion(seed)
