@@ -15,7 +15,7 @@ REPOSITORY = Path(__file__).resolve().parents[1]
 FILES = sorted((REPOSITORY / "launch").glob("*.yaml"))
 PACKAGE_SHARE = "$(find-pkg-share geodesic_motion_ros)"
 #: What a default of a parameter is for a launch file.
-TYPES = {"str": str, "bool": bool, "int": int, "float": float, "list_of_str": list}
+TYPES = {"str": str, "bool": bool, "int": int, "float": float, "list_of_str": list, "list_of_float": list}
 
 each_file = pytest.mark.parametrize("file", FILES, ids=lambda file: file.name)
 

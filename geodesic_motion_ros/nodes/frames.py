@@ -50,6 +50,17 @@ class BufferedFrames:
         )
 
 
+class FixedFrame:
+    """One frame that stands where a parameter says, and the others as somebody else knows, as `FrameLookup`."""
+
+    def __init__(self, name: str, pose: FramePose, others: FrameLookup) -> None:
+        """pose : position (3,) [m] and unit quaternion (4,), scalar first, in the base frame."""
+        self._name, self._pose, self._others = name, pose, others
+
+    def __call__(self, target: str, source: str, stamp: Time) -> FramePose | Refusal:
+        return self._pose if source == self._name else self._others(target, source, stamp)
+
+
 def frames_of(node: Node) -> FrameLookup:
     """Return the frames that a node hears of on `/tf` and `/tf_static`; where tf2 is not installed, none."""
     try:

@@ -397,6 +397,21 @@ PLANNER = (
         read_only=False,
     ),
     Parameter(
+        "camera_frame",
+        "",
+        "Frame of clouds, of a camera that stands where `camera_pose` says; tf is not asked for it. Empty: tf is asked "
+        "for every frame",
+    ),
+    Parameter(
+        "camera_pose",
+        [0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0],
+        "Where the frame `camera_frame` stands in the base frame: position [m] and quaternion, scalar first; z along "
+        "the line of sight, x to the right of the picture",
+        "",
+        -100.0,
+        100.0,
+    ),
+    Parameter(
         "self_filter",
         True,
         "Take the arm and what it holds out of `obstacle_cloud`, where joint states before and after the cloud's stamp "
@@ -507,6 +522,26 @@ TWIN = (
         read_only=False,
     ),
     Parameter("spawn_at_start", False, "Spawn the spheres as soon as the twin starts"),
+    Parameter(
+        "cloud_rate",
+        0.0,
+        "How often `obstacle_cloud` is rendered, as a depth camera sees arm, spheres and scene, in a process of its "
+        "own; 0.0 never. Its frame is twin_camera",
+        "Hz",
+        0.0,
+        60.0,
+    ),
+    Parameter("cloud_delay", 0.06, "A cloud is published so long after its stamp", "s", 0.0, 1.0),
+    Parameter(
+        "cloud_noise",
+        0.002,
+        "Standard deviation of a depth of 1 m in the clouds; it grows with the square of the depth",
+        "m",
+        0.0,
+        0.1,
+    ),
+    Parameter("camera_place", [1.4, -0.8, 1.2], "Where the camera of the clouds stands", "m", -10.0, 10.0),
+    Parameter("camera_target", [0.35, 0.0, 0.35], "What is in the middle of its picture", "m", -10.0, 10.0),
 )
 
 RECORD = (

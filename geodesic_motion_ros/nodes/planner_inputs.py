@@ -27,7 +27,7 @@ from geodesic_motion_ros.nodes.cycle import CycleInputs
 from geodesic_motion_ros.nodes.delivery import TransitWatch, stamp_of
 from geodesic_motion_ros.nodes.described_arm import DescribedArm
 from geodesic_motion_ros.nodes.drive_watch import DRIVE_TOPIC
-from geodesic_motion_ros.nodes.frames import frames_of
+from geodesic_motion_ros.nodes.frames import FixedFrame, frames_of
 from geodesic_motion_ros.nodes.marker_bytes import parse_marker, parse_markers
 from geodesic_motion_ros.nodes.marker_messages import (
     MarkerUpdate,
@@ -105,6 +105,9 @@ class PlannerInputs:
         self._obstacles_changed = obstacles_changed
         self._frame: str = parameters["base_frame"]
         self.frames = frames_of(node)
+        if parameters["camera_frame"]:
+            place = np.array(parameters["camera_pose"])
+            self.frames = FixedFrame(parameters["camera_frame"], (place[:3], place[3:]), self.frames)
         self.refusals = RefusalLog(node.get_logger().warning)
         self.time = NodeTime(node.get_clock())
         self._lock = threading.Lock()

@@ -10,6 +10,7 @@ import queue
 import sys
 import threading
 import time
+from collections import deque
 from collections.abc import Callable
 from concurrent.futures import Future
 from concurrent.futures import TimeoutError as NotDoneInTime
@@ -21,7 +22,7 @@ import numpy as np
 from geometry_msgs.msg import PointStamped, PoseStamped
 from rclpy.qos import QoSProfile
 from rclpy.time import Time
-from sensor_msgs.msg import Image, JointState
+from sensor_msgs.msg import Image, JointState, PointCloud2
 from std_msgs.msg import Float64, String, UInt32
 from std_srvs.srv import SetBool, Trigger
 from trajectory_msgs.msg import JointTrajectory
@@ -32,6 +33,7 @@ from geodesic_motion_ros.nodes.drive_watch import DRIVE_TOPIC
 from geodesic_motion_ros.nodes.marker_messages import MarkerScene, sphere_marker
 from geodesic_motion_ros.nodes.messages import (
     MessageRefused,
+    cloud_message,
     image_message,
     joint_state_message,
     point_message,
@@ -50,6 +52,7 @@ from geodesic_motion_ros.nodes.running import STEADY, LoopingNode, run_node
 from geodesic_motion_ros.nodes.steady_loop import SteadyLoop
 from geodesic_motion_ros.nodes.twin_parameters import (
     base_frame,
+    camera_settings,
     check_twin,
     initial_joints,
     robot_of,
@@ -60,6 +63,7 @@ from geodesic_motion_ros.nodes.twin_parameters import (
 from geodesic_motion_ros.nodes.usage import PROGRAMS
 from geodesic_motion_ros.robot.description import RobotDescription
 from geodesic_motion_ros.robot.robot_file import published_urdf
+from geodesic_motion_ros.simulation.camera_process import CameraProcess
 from geodesic_motion_ros.simulation.loading import simulated_urdf
 from geodesic_motion_ros.simulation.scripted_spheres import ScriptedSpheres
 from geodesic_motion_ros.simulation.world import ArmWorld
@@ -81,6 +85,8 @@ _HAND = "~/hand_pose"
 _SAME_TIME = 0.1
 _OBSTACLE_COLOUR = (0.85, 0.30, 0.20, 0.9)
 _IMAGE_SIZE = (320, 240)
+#: The frame of clouds.
+_CAMERA = "twin_camera"
 
 @dataclass(frozen=True)
 class _Command:
@@ -122,6 +128,16 @@ class TwinNode(LoopingNode):
         self.world.reset(initial_joints(values.values, self.world.robot))
         # The same arm, by the names of messages.
         self._arm = self.world.robot.prefixed(values["joint_prefix"])
+        self._camera = None
+        if values["cloud_rate"]:
+            view = camera_settings(values.values)
+            self._camera = CameraProcess(self._robot, view, scene)
+            place = ", ".join(f"{number:.4f}" for number in np.concatenate(view.pose))
+            self.get_logger().info(
+                f"a depth camera sees the arm: -p camera_frame:={_CAMERA} -p camera_pose:='[{place}]' tells a planner "
+                "where it stands"
+            )
+        self._unpublished: deque[tuple[tuple[float, Time], np.ndarray]] = deque()
         self._spheres, self._spheres_start = ScriptedSpheres({}), 0.0
         self._steps = self._contacts = self._discontinuities = 0
         self._touched: set[str] = set()
@@ -160,6 +176,7 @@ class TwinNode(LoopingNode):
         self._contact_count = self.create_publisher(UInt32, "~/contacts", qos)
         self._discontinuity_count = self.create_publisher(UInt32, "~/discontinuities", qos)
         self._image = self.create_publisher(Image, "~/image", qos)
+        self._cloud = self.create_publisher(PointCloud2, "obstacle_cloud", qos)
         self._description = self.create_publisher(String, "robot_description", LATCHED)
         shown = simulated_urdf(RobotDescription.named(self._robot))
         self._description.publish(String(data=published_urdf(shown, self._options["joint_prefix"])))
@@ -170,6 +187,7 @@ class TwinNode(LoopingNode):
             (every["state_rate"], self._publish_state),
             (every["obstacle_rate"], self._publish_obstacles),
             (every["image_rate"], self._publish_image),
+            (every["cloud_rate"], self._look),
         ]
         self.create_subscription(PoseStamped, _HAND, self._on_hand, qos)
         self._commands = (
@@ -191,6 +209,8 @@ class TwinNode(LoopingNode):
         """End physics and close the world; harmless when done before."""
         if self._loop.stop():
             self.world.close()
+            if self._camera is not None:
+                self._camera.stop()
 
     # ------------------------------------------------------------ physics thread
 
@@ -216,6 +236,7 @@ class TwinNode(LoopingNode):
             # set, all that was published is of another time.
             if every and (was_set or self._steps // every != (self._steps - made) // every):
                 publish()
+        self._publish_clouds()
 
     def _take_steps(self, running: float) -> int:
         """Take the steps of physics that are due: for the time that has passed, of a simulation or of the world.
@@ -330,6 +351,31 @@ class TwinNode(LoopingNode):
 
     def _publish_image(self) -> None:
         self._image.publish(image_message(self.world.render(*_IMAGE_SIZE), self._stamp()))
+
+    def _look(self) -> None:
+        """Ask the camera for a picture of now; one that is not ready yet is not waited for."""
+        if self._camera is not None:
+            spheres = self._spheres.obstacles(self.world.time - self._spheres_start)
+            self._camera.look((self._moment.running, self._stamp()), self.world.joint_positions, spheres)
+
+    def _publish_clouds(self) -> None:
+        """Publish what the camera has seen once it is due."""
+        if self._camera is None:
+            return
+        try:
+            seen = self._camera.take()
+        except EOFError:
+            self._camera = None
+            self.get_logger().error("the process of the camera has ended: no more clouds are published")
+            return
+        if seen is not None:
+            self._unpublished.append(seen)
+        while self._unpublished:
+            (taken, stamp), points = self._unpublished[0]
+            if 0.0 <= self._moment.running - taken < self._options["cloud_delay"]:
+                return
+            self._unpublished.popleft()
+            self._cloud.publish(cloud_message(points, _CAMERA, stamp))
 
     # ---------------------------------------------------------------- callbacks
 

@@ -15,6 +15,7 @@ from geodesic_motion_ros.nodes.scene_parameter import declared_scene
 from geodesic_motion_ros.robot.description import DEFAULT_ROBOT, RobotDescription
 from geodesic_motion_ros.robot.inverse_kinematics import solve
 from geodesic_motion_ros.robot.kinematics import Robot
+from geodesic_motion_ros.simulation.depth_camera import DepthCameraSettings
 from geodesic_motion_ros.simulation.scripted_spheres import NAMED, ScriptedSpheres, spheres_named
 from geodesic_motion_ros.skill.skill import Skill
 from geodesic_motion_ros.utils.checked_files import brief
@@ -22,7 +23,7 @@ from geodesic_motion_ros.utils.errors import ParameterError, RobotError, SkillEr
 
 # What these hold where nothing else is given, a parameter file with all defaults included.
 _DEFAULTS = {parameter.name: parameter.default for parameter in TWIN}
-_RATES = ("state_rate", "obstacle_rate", "image_rate")
+_RATES = ("state_rate", "obstacle_rate", "image_rate", "cloud_rate")
 
 
 def robot_of(values: Mapping[str, Value]) -> str:
@@ -119,9 +120,16 @@ def scripted_spheres(text: str) -> ScriptedSpheres:
     return spheres_named(described) if isinstance(described, str) else ScriptedSpheres.from_dict(described)
 
 
+def camera_settings(values: Mapping[str, Value]) -> DepthCameraSettings:
+    """Return the camera of the clouds; ParameterError where it cannot stand so."""
+    place, target = (tuple(values[name]) for name in ("camera_place", "camera_target"))
+    return DepthCameraSettings(place, target, noise=values["cloud_noise"])
+
+
 def check_twin(values: Mapping[str, Value]) -> None:
     """Refuse values that do not go together: ParameterError."""
     scripted_spheres(values["spheres"])
+    camera_settings(values)
     try:
         if values["initial_joint_positions"] != _DEFAULTS["initial_joint_positions"]:
             Robot.named(robot_of(values)).checked(np.array(values["initial_joint_positions"]))

@@ -1,4 +1,4 @@
-"""Clusters of a cloud: what hangs together is told apart, held by its spheres, and what is behind them is foreseen."""
+"""Clusters of a cloud: what hangs together is separated, held by its spheres, and what is behind them is foreseen."""
 
 from __future__ import annotations
 

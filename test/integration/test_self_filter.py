@@ -182,7 +182,7 @@ def test_a_ball_that_moves_is_known_with_its_velocity_and_what_stands_stands(ben
 
 @pytest.mark.parametrize("padding", [0.02, 0.15], ids=["seen", "control: within the padding"])
 def test_a_ball_three_centimetres_before_the_forearm_is_seen_and_not_hit(bench, options, padding):
-    """It is not in the ball, but the ball is in all of its ways."""
+    """It is not in the ball, but the ball is on all of its paths."""
     camera = reach(bench, options, ball([0.5916, -0.1446, 0.4588]), self_filter_padding=padding)
     if padding > 0.03:
         bench.wait(lambda: len(camera.gaps) and np.min(camera.gaps) < 0.0, "the forearm in the ball")

@@ -47,8 +47,9 @@ def test_joints_that_are_given_come_before_the_skill() -> None:
 
 
 def test_messages_come_no_rarer_than_requested_and_never_at_rate_zero() -> None:
-    steps = steps_per_message(values(physics_rate=240.0, state_rate=100.0, obstacle_rate=240.0, image_rate=0.0))
-    assert steps == {"state_rate": 2, "obstacle_rate": 1, "image_rate": 0}
+    rates = {"state_rate": 100.0, "obstacle_rate": 240.0, "image_rate": 0.0, "cloud_rate": 15.0}
+    steps = steps_per_message(values(physics_rate=240.0, **rates))
+    assert steps == {"state_rate": 2, "obstacle_rate": 1, "image_rate": 0, "cloud_rate": 16}
 
 
 def test_the_default_frame_stands_for_that_of_the_robot() -> None:

@@ -108,8 +108,8 @@ def test_two_that_pass_each_other_keep_their_names():
     clouds = Clouds()
     apart, velocity = np.array([0.0, 0.12, 0.0]), np.array([0.3, 0.0, 0.0])
     for number in range(40):
-        way = (number / RATE - 0.6) * velocity
-        known = clouds.show(ball(HERE + way), ball(HERE - way + apart, 0.04))
+        offset = (number / RATE - 0.6) * velocity
+        known = clouds.show(ball(HERE + offset), ball(HERE - offset + apart, 0.04))
     assert len(set(known.labels)) == 2
     first = [label.endswith("/0") for label in known.labels]
     np.testing.assert_allclose(known.velocities[first], [velocity] * sum(first), atol=0.02)

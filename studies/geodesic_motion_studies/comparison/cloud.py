@@ -1,4 +1,4 @@
-"""A depth camera: methods are handed what its clouds show, by the way that the planner node takes, not the spheres.
+"""A depth camera: methods are handed what its clouds show, read as the planner node reads them, not the spheres.
 
 `RATE` pictures a second are rendered of the arm, the spheres and the declared scene (`simulation/depth_camera.py`), by
 the place of the camera of `camera.py`, each in the first tick in which it is due; it is published `DELAY` later. Depths
@@ -42,7 +42,7 @@ _ROUNDING = 1e-6
 
 
 def node_settings() -> CloudSettings:
-    """How the planner node reads clouds without being told."""
+    """How the planner node reads clouds by default."""
     values = {parameter.name: parameter.default for parameter in PLANNER}
     return CloudSettings(
         values["obstacle_cloud_voxel"], values["obstacle_cloud_radius"], values["obstacle_cloud_thickness"],
