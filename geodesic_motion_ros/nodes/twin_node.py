@@ -176,7 +176,9 @@ class TwinNode(LoopingNode):
         self._contact_count = self.create_publisher(UInt32, "~/contacts", qos)
         self._discontinuity_count = self.create_publisher(UInt32, "~/discontinuities", qos)
         self._image = self.create_publisher(Image, "~/image", qos)
-        self._cloud = self.create_publisher(PointCloud2, "obstacle_cloud", qos)
+        if self._camera is not None:
+            # Where it is off, nobody is to think that this node publishes clouds.
+            self._cloud = self.create_publisher(PointCloud2, "obstacle_cloud", qos)
         self._description = self.create_publisher(String, "robot_description", LATCHED)
         shown = simulated_urdf(RobotDescription.named(self._robot))
         self._description.publish(String(data=published_urdf(shown, self._options["joint_prefix"])))

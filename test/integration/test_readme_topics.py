@@ -35,7 +35,8 @@ def interface(node: Node, namespace: str = "") -> set[str]:
 
 
 def test_those_of_the_twin(bench):
-    assert interface(bench.add(TwinNode)) == documented("twin")
+    # With all that it may publish.
+    assert interface(bench.add(TwinNode, cloud_rate=1.0)) == documented("twin")
 
 
 def test_those_of_the_driver():
