@@ -87,6 +87,8 @@ class PatientServer(FrankaSimServer):
 
 def main() -> None:
     """Serve until SIGINT or SIGTERM."""
+    if len(sys.argv) != 5:
+        sys.exit(__doc__)
     model, address, joints, speed = sys.argv[1:]
     os.environ["FR3_MJCF"] = model
     mujoco_sim.ARM_INITIAL_Q = np.array([float(value) for value in joints.split(",")])

@@ -73,7 +73,10 @@ class ArmWatch:
         elif deviation is not None:
             where, limit = deviation
             dropping = f"the arm was {where} from where it was sent"
-            cause = f"joint_states: the arm is {where} from where it was sent (allowed by tracking_tolerance: {limit})"
+            cause = (
+                f"joint_states: the arm is {where} from where it was sent (allowed by {limit}; does its driver "
+                "follow, and is it armed?)"
+            )
         elif self.missing:
             cause = "joint_states: the arm is back after a long silence"
         else:

@@ -28,7 +28,7 @@ def pose_deviation(
         return None
     return (
         f"{1000 * off:.0f} mm and {math.degrees(turned):.1f} deg",
-        f"{1000 * distance:.0f} mm, {math.degrees(angle):.1f} deg",
+        f"tracking_tolerance: {1000 * distance:.0f} mm, {math.degrees(angle):.1f} deg",
     )
 
 
@@ -47,7 +47,7 @@ def joint_deviation(
     off, worst = farthest(measured - commanded, names)
     if off <= tolerance:
         return None
-    return f"{off:.3f} rad in '{worst}'", f"{tolerance:.3f} rad"
+    return f"{off:.3f} rad in '{worst}'", f"tracking_tolerance_joint: {tolerance:.3f} rad"
 
 
 def farthest(errors: np.ndarray, names: Sequence[str]) -> tuple[float, str]:

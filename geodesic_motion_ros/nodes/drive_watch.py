@@ -86,8 +86,8 @@ class DriveWatch:
             where, limit = deviation
             return Refusal(
                 VerdictCode.BAD_INPUT,
-                f"{DRIVE_TOPIC}: the arm is {where} from where its drive commands it (allowed by tracking_tolerance: "
-                f"{limit}): nothing is commanded until the drive commands it where it is",
+                f"{DRIVE_TOPIC}: the arm is {where} from where its drive commands it (allowed by {limit}): "
+                "nothing is commanded until the drive commands it where it is",
             )
         if self.rested < DRIVE_RESTS:
             return Refusal(

@@ -627,7 +627,7 @@ class PlannerCycle:
         The second time at one place the goal is dropped.
         """
         before = self._astray_at
-        reason = f"the arm was {where} from target_posture (allowed by tracking_tolerance_joint: {limit})"
+        reason = f"the arm was {where} from target_posture (allowed by {limit})"
         if before is not None and np.linalg.norm(tool - before) < _NO_PROGRESS:
             reason = f"the controller does not follow the posture: {reason}"
             return Halt(Refusal(VerdictCode.BAD_INPUT, reason), reason)

@@ -19,8 +19,11 @@ def test_a_pose_deviates_by_distance_or_by_angle() -> None:
     commanded = HERE, UPRIGHT
     assert pose_deviation((HERE + [0.009, 0.0, 0.0], turned(0.09)), commanded, 0.01, 0.1) is None
     off = pose_deviation((HERE + [0.012, 0.0, 0.0], UPRIGHT), commanded, 0.01, 0.1)
-    assert off == ("12 mm and 0.0 deg", "10 mm, 5.7 deg")
-    assert pose_deviation((HERE, turned(0.11)), commanded, 0.01, 0.1) == ("0 mm and 6.3 deg", "10 mm, 5.7 deg")
+    assert off == ("12 mm and 0.0 deg", "tracking_tolerance: 10 mm, 5.7 deg")
+    assert pose_deviation((HERE, turned(0.11)), commanded, 0.01, 0.1) == (
+        "0 mm and 6.3 deg",
+        "tracking_tolerance: 10 mm, 5.7 deg",
+    )
     # The quaternion's other sign is the same orientation.
     assert pose_deviation((HERE, -UPRIGHT), commanded, 0.01, 0.1) is None
 
@@ -30,7 +33,7 @@ def test_the_worst_joint_is_named() -> None:
     assert joint_deviation(np.array([0.04, -0.05, 0.0]), commanded, ("a", "b", "c"), 0.05) is None
     assert joint_deviation(np.array([0.06, -0.08, 0.0]), commanded, ("a", "b", "c"), 0.05) == (
         "0.080 rad in 'b'",
-        "0.050 rad",
+        "tracking_tolerance_joint: 0.050 rad",
     )
 
 
