@@ -227,4 +227,4 @@ class ArmState:
         prefix = other_prefix(self._others, self._names, self._prefix)
         if prefix is not None:
             return f"set the parameter joint_prefix to '{prefix}'"
-        return f"remap {self._topic} to the topic of this arm, or name its joints as its URDF does"
+        return f"take a skill of that arm, or remap {self._topic} to the topic of this one, whose joints its URDF names"

@@ -102,9 +102,10 @@ class PlannerFace:
         person.
         """
         states, goals = self._awaited
+        unarmed = self.inputs.arming.unarmed
         return (
             f"ready: skill '{self._name}' of {subject}, commands on {self.outputs.command_topic}; "
-            f"waits for {states}, then for a goal on {goals}"
+            f"waits for {states}, then for a goal on {goals}" + (f"; {unarmed}" if unarmed else "")
         )
 
     def start(self) -> None:
