@@ -124,8 +124,8 @@ class Demo:
         obstacle = scene.obstacle if run.obstacle else None
         with ServerProbe(processes, self._domain, scene.skill, obstacle, say, simulated=True) as probe:
             recording = probe.run()
-            if probe.reflexes:
-                raise DemoError(f"{run.key}: {probe.reflexes[0]}")
+            if probe.stops:
+                raise DemoError(f"{run.key}: {probe.stops[0]}")
             return recording
 
     def _twin_parameters(self, run: Run) -> dict[str, Any]:

@@ -85,7 +85,7 @@ class ServerProbe(Probe):
     Attributes
     ----------
     obstacle : its time begins when the goal is sent; None: there is none.
-    mode, said : of the driver, the newest. reflexes : what it said of each.
+    mode, said : of the driver, the newest. stops : what it said each time that the arm stopped to follow by itself.
     commanded_times (n,), commanded (n, 14) : positions [rad], velocities [rad/s] commanded since the goal.
     measured : (m, 14) of the recording's `joint_times`.
     """
@@ -103,7 +103,7 @@ class ServerProbe(Probe):
         """As of `Probe`; patience : the longest wait for the nodes [s]."""
         self._robot, self.obstacle = Robot.named(skill.robot), obstacle
         self.mode = self.said = ""
-        self.reflexes: list[str] = []
+        self.stops: list[str] = []
         self.commanded_times: list[float] = []
         self.commanded: list[np.ndarray] = []
         self.measured: list[np.ndarray] = []
@@ -124,6 +124,11 @@ class ServerProbe(Probe):
         self.wait(lambda: self.mode == "DISARMED" and self.arming.service_is_ready(), "the driver to find the arm")
         self.arm_driver()
         self.wait(lambda: self._code == "NO_GOAL" and self._goals.get_subscription_count(), "the planner to start")
+
+    @property
+    def reflexes(self) -> list[str]:
+        """What the driver said of each reflex."""
+        return [text for text in self.stops if text.startswith("REFLEX")]
 
     @property
     def node(self) -> Node:
@@ -165,7 +170,7 @@ class ServerProbe(Probe):
         self._wait(over, what)
 
     def _is_over(self, after_contact: float) -> bool:
-        return bool(self.reflexes) or super()._is_over(after_contact)
+        return bool(self.stops) or super()._is_over(after_contact)
 
     def _on_joints(self, message: JointState) -> None:
         super()._on_joints(message)
@@ -194,8 +199,8 @@ class ServerProbe(Probe):
         status = message.status[0]
         before, self.mode = self.mode, status.message.partition(":")[0]
         self.said = status.message
-        if self.mode == "REFLEX" != before:
-            self.reflexes.append(status.message)
+        if self.mode == "REFLEX" != before or (self.mode == "CONNECTING" and before == "FOLLOWING"):
+            self.stops.append(status.message)
 
     def run(self, after_contact: float = math.inf) -> Recording:
         """As of the twin; clearance and contacts are judged at the end."""

@@ -68,6 +68,13 @@ def check_motion(waypoints: JointWaypoints, limits: JointLimits, names: Sequence
         )
 
 
+def load_checks(limits: JointLimits) -> None:
+    """Load the compiled kernels of `check_motion`, so that the first trajectory does not wait for them."""
+    middle = np.tile(0.5 * (limits.lower + limits.upper), (2, 1))
+    still = np.zeros(middle.shape)
+    check_motion(JointWaypoints(np.array([0.0, 1.0]), middle, still, still), limits, ())
+
+
 def check_takeover(sent: np.ndarray, coming: np.ndarray, limits: JointLimits, names: Sequence[str]) -> None:
     """Refuse commands that do not continue those before.
 

@@ -27,8 +27,10 @@ import franka_sim.mujoco_franka_sim as mujoco_sim
 import numpy as np
 from franka_sim.franka_sim_server import FrankaSimServer
 
-#: Who commands answers within so long [s], or is silent.
-_PATIENCE = 2.0
+#: An answer is waited for so long [s]: libfranka gives a connection up that sends it no state for a second.
+_PATIENCE = 0.5
+#: Who owes so many answers in a row is silent, and is not waited for: the arm stops itself at 20.
+_MOST_OWED = 10
 #: A wait looks again after so long [s].
 _LOOK = 5e-5
 _PERIOD = 1e-3
@@ -69,16 +71,16 @@ class PatientServer(FrankaSimServer):
     def __init__(self, speed: float, **options: Any) -> None:
         super().__init__(**options)
         self._shortest = _PERIOD / speed
-        self._is_silent = False
+        self._owed = 0
 
     def _drain_gate(self, answer_deadline: float = 0.0) -> float:
         """Wait for the answer, and for the pace; returns how long that took [s]."""
         began = time.perf_counter()
         pace = answer_deadline - _PERIOD + self._shortest
-        patience = 0.0 if self._is_silent else _PATIENCE
+        patience = _PATIENCE if self._owed < _MOST_OWED else 0.0
         while self.comm.awaiting_answer and time.perf_counter() - began < patience:
             time.sleep(_LOOK)
-        self._is_silent = self.comm.awaiting_answer
+        self._owed = self._owed + 1 if self.comm.awaiting_answer else 0
         super()._drain_gate(answer_deadline)
         if (left := pace - time.perf_counter()) > 0.0:
             time.sleep(left)

@@ -24,7 +24,7 @@ from trajectory_msgs.msg import JointTrajectory
 from geodesic_motion_ros.hardware.drive_state import JOINTS, DriveMode, DriveState
 from geodesic_motion_ros.hardware.drive_talk import Notice
 from geodesic_motion_ros.hardware.fci_link import FciLink
-from geodesic_motion_ros.hardware.judged_commands import check_motion
+from geodesic_motion_ros.hardware.judged_commands import check_motion, load_checks
 from geodesic_motion_ros.nodes.messages import (
     MessageRefused,
     diagnostic_array,
@@ -92,6 +92,7 @@ class FrankaNode(LoopingNode):
         self._robot, self._limits = plain.prefixed(self._prefix), JointLimits.of(plain)
         self._by_robot, self._address, rate = values["clock_from_robot"], values["address"], values["state_rate"]
         self._epoch = time.time_ns()
+        load_checks(self._limits)
         self.refusals = RefusalLog(self.get_logger().warning)
         self.link = FciLink(self._address, values["robot"], self._by_robot, self._epoch, self._hear, self._died)
         self._loop = SteadyLoop(self._tick, rate, self._died, name="states")

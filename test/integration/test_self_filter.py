@@ -106,6 +106,8 @@ def test_an_arm_in_the_cloud_does_not_stop_itself(bench, options, skill, start_j
     bench.listen(DiagnosticArray, "/diagnostics")
     bench.add(TwinNode, initial_joint_positions=start_joints.tolist())
     planner = bench.add(PlannerNode, **options, self_filter=on)
+    # A cloud of the time before the planner knows joint states would be refused.
+    bench.wait(lambda: planner.inputs.arm.joints is not None, "joint states")
     camera = Camera(bench, NOTHING)
     bench.wait_for_code("NO_GOAL")
     bench.send_goal(skill.goal_pose)
