@@ -71,7 +71,9 @@ class TransitWatch:
             self._clock.age(stamp, arrival)
             transit, least = arrival.transit(stamp), self._clock.least
             late = max(late, abs(transit) if abs(least) < OTHER_CLOCK else transit - least)
-        self._lately.add(late, now)
+        # What is later than that was stamped by a clock that was set since, or before a simulated one was heard.
+        if late < COUNTED:
+            self._lately.add(late, now)
 
     def _pause(self, now: float) -> float:
         """How long nothing had come before a message that comes now [s]; 0 after a silence."""

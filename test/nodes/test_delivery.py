@@ -75,6 +75,15 @@ def test_of_another_clock_only_what_a_message_took_longer_than_others_counts(ahe
     assert watched(10 * [0.002] + [0.032] + 5 * [0.002], ahead) == pytest.approx(0.03, abs=ROUNDING)
 
 
+def test_messages_that_came_before_a_simulated_clock_make_later_ones_no_later():
+    watch, now = TransitWatch(), 0.0
+    for number in range(20):
+        now += 0.1
+        heard = number >= 5
+        watch.take(TODAY + now - 0.002, Moment(now, now, True, 0.0, round(1e9 * (TODAY + now)) if heard else 0))
+    assert watch.longest(now) <= 0.002 + ROUNDING
+
+
 def test_messages_without_a_stamp_that_come_steadily_are_not_late():
     watch = TransitWatch()
     for now in np.arange(5.0, 8.0, 0.01):

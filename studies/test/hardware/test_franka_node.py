@@ -1,7 +1,7 @@
 """The node `franka` and the planner drive a simulated FR3 over Franka's own protocol, by Franka's own library.
 
 All are processes of their own. The arm enforces all of its reflexes, and lives in a time of its own, which waits for
-who commands it: a busy machine is no reason for one.
+who commands it: a busy machine is hardly a reason for one.
 """
 
 from __future__ import annotations
