@@ -61,11 +61,12 @@ class ArmWatch:
         self.lost = self.lost.after_measurement(measured, passed)
         return None if self.lost.is_at_rest else self.lost.refusal
 
-    def lose(self, measured: np.ndarray, deviation: tuple[str, str] | None) -> Halt | None:
+    def lose(self, measured: np.ndarray, deviation: tuple[str, str] | None, stalled: str = "") -> Halt | None:
         """Find the arm lost, and return why what is commanded is no longer to be trusted; None while it follows.
 
         deviation : how far it is from where it was sent, and what is allowed; None where it follows, or that is not
-        known. It drops the goal.
+        known. stalled : how far its drive stands still from where it was sent; "" where it does not. Both drop the
+        goal.
         """
         dropping = ""
         if self.jump:
@@ -75,6 +76,12 @@ class ArmWatch:
             dropping = f"the arm was {where} from where it was sent"
             cause = (
                 f"joint_states: the arm is {where} from where it was sent (allowed by {limit}; does its driver "
+                "follow, and is it armed?)"
+            )
+        elif stalled:
+            dropping = f"the drive stood still, {stalled} from where it was sent"
+            cause = (
+                f"commanded_joint_states: the drive stands still, {stalled} from where it was sent (does it "
                 "follow, and is it armed?)"
             )
         elif self.missing:

@@ -30,12 +30,12 @@ from geodesic_motion_ros.nodes.arm_watch import REST_TIME, ArmWatch, UnsettledAr
 from geodesic_motion_ros.nodes.cycle import CycleInputs, CycleOutput, PoseArrays
 from geodesic_motion_ros.nodes.cycle_clock import CycleClock
 from geodesic_motion_ros.nodes.delivery import Lately, takeover_delay
-from geodesic_motion_ros.nodes.deviation import joint_deviation, pose_deviation
+from geodesic_motion_ros.nodes.deviation import farthest, joint_deviation, pose_deviation
 from geodesic_motion_ros.nodes.drive_watch import DriveWatch
 from geodesic_motion_ros.nodes.input_faults import Halt, readiness, rivals, stale_state
 from geodesic_motion_ros.nodes.newest_goal import NewestGoal
 from geodesic_motion_ros.nodes.preparation import Preparation
-from geodesic_motion_ros.nodes.sent_trajectories import SentTrajectories
+from geodesic_motion_ros.nodes.sent_trajectories import LEFT, SentTrajectories
 from geodesic_motion_ros.nodes.shown_plan import ShownPlan
 from geodesic_motion_ros.nodes.steady_error import SteadyError
 from geodesic_motion_ros.obstacles.obstacles import Obstacles
@@ -136,6 +136,8 @@ class PlannerCycle:
         self.steady = SteadyError(planner.robot.joint_names)
         # Since when what is played has been over [s, heard]; inf while it is not.
         self._over_since = math.inf
+        # Since when the drive has been elsewhere than the arm was sent [s].
+        self._parted = math.inf
         # What the log is to say of this cycle, and what has happened that disarms.
         self._news = self._disarms = ""
         # Whether the planner was armed in the last cycle, and whether it only shows what it would do.
@@ -578,7 +580,7 @@ class PlannerCycle:
         if not self._arm.jump:
             self._track(measured, taken)
             deviation = self._deviation(measured, taken)
-        lost = self._heed(self._arm.lose(measured, deviation))
+        lost = self._heed(self._arm.lose(measured, deviation, self._stalled(inputs)))
         if lost is None:
             return self._rest(inputs, measured)
         self.steady.forget()
@@ -589,6 +591,21 @@ class PlannerCycle:
     def _take_drive(self, inputs: CycleInputs) -> None:
         if inputs.drive is not None:
             self._drive.take(inputs.drive, inputs.heard - inputs.drive_age)
+
+    def _stalled(self, inputs: CycleInputs) -> str:
+        """Say how far the drive stands still from where it was sent to move on; "" where it does not, or that is not
+        known.
+        """
+        taken = inputs.heard - inputs.drive_age
+        moves = self._command_topic == "joint_trajectory" and self._sent_to_stand(inputs) is None
+        sent = self.planner.commanded_state(inputs.now - inputs.drive_age) if moves else None
+        if sent is None or inputs.drive is None or inputs.drive_age > self.state_timeout or self._arm.jump:
+            self._parted = math.inf
+            return ""
+        off, name = farthest(inputs.drive - sent[0], self.planner.robot.joint_names)
+        self._parted = min(self._parted, taken) if off >= LEFT else math.inf
+        stalled = min(self._drive.rested, taken - self._parted) >= REST_TIME
+        return f"{off:.3f} rad in '{name}'" if stalled else ""
 
     def _can_brake(self, inputs: CycleInputs) -> bool:
         """Whether an arm that was just lost can be braked by what is played: its drive still follows that, or nothing

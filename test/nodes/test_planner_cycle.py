@@ -598,6 +598,21 @@ class TestDrive:
         beside.displaced = self.OFF
         assert arrived(arrive(cycle, beside, inputs)[-1])
 
+    def test_a_drive_that_follows_nothing_is_named_and_the_goal_dropped(self, cycle, beside, inputs):
+        """As one that was not armed; long before the arm is farther from its command than is allowed."""
+        cycle.tracking_tolerance = 3.0
+        stands, outputs = beside.position, []
+        while beside.now < 103.0:
+            now, measured = beside.now, beside.measured()
+            seen = dataclasses.replace(inputs, drive=stands, measured=measured, now=now, heard=now)
+            outputs.append(cycle.run(seen, PERIOD))
+            beside.now += PERIOD
+        lost = [output for output in outputs if output.verdict.code is VerdictCode.BAD_INPUT]
+        assert "the drive stands still" in lost[0].verdict.reason
+        assert "is it armed?" in lost[0].verdict.reason
+        assert outputs[-1].verdict.code is VerdictCode.NO_GOAL
+        assert "the drive stood still" in outputs[-1].verdict.reason
+
     def test_an_arm_that_is_pushed_away_is_braked_by_what_its_drive_follows(self, cycle, beside, inputs):
         """To be commanded to stand where it was found would be a step."""
         follow(cycle, beside, inputs, 1.5)
