@@ -14,6 +14,7 @@ _SHARED = (
     "maximum_offset_angle", "speed", "angular_speed", "speed_scale", "latency", "state_timeout", "resume_timeout",
     "tracking_tolerance", "tracking_tolerance_angle", "tracking_tolerance_joint", "obstacle_timeout",
     "obstacle_silence_policy", "required_obstacle_topics", "obstacle_lifetime", "obstacle_point_radius",
+    "camera_frame", "camera_pose",
     "obstacle_cloud_radius", "obstacle_cloud_voxel", "obstacle_cloud_thickness", "self_filter", "self_filter_padding",
     "path_rate", "latent_view_rate", "latent_view_size",
 )  # fmt: skip
