@@ -11,6 +11,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from geodesic_motion_ros.robot.kinematics import contiguous
 from geodesic_motion_ros.robot.limits import JointLimits
 from geodesic_motion_ros.trajectory.trajectory import JointReference
 from geodesic_motion_ros.trajectory.trajectory_player import JointWaypoints
@@ -48,8 +49,9 @@ def check_motion(waypoints: JointWaypoints, limits: JointLimits, names: Sequence
         )
     if len(waypoints.times) < 2:
         return
-    latent = np.empty((len(waypoints.times), 0))
-    motion = JointReference(waypoints.times, waypoints.positions, waypoints.velocities, waypoints.accelerations, latent)
+    # Of one layout, that of `load_checks`: kernels are compiled anew for another one, and the arm waits.
+    rows = (waypoints.times, waypoints.positions, waypoints.velocities, waypoints.accelerations)
+    motion = JointReference(*map(contiguous, rows), np.empty((len(waypoints.times), 0)))
     inside, shares = motion.measured(limits)
     if not inside:
         low, high = waypoints.positions.min(axis=0), waypoints.positions.max(axis=0)
