@@ -99,7 +99,7 @@ class NodeBody(NamedTuple):
         )  # fmt: skip
 
     def felt_at(self, points: np.ndarray, radii: np.ndarray) -> NodeBody:
-        """The same body that feels obstacles at other points (n, K, 3), (K,) [m]."""
+        """Return the same body, which feels obstacles at other points (n, K, 3), (K,) [m]."""
         lower, upper = _box(points, radii)
         return self._replace(
             points=points, point_radii=radii, lower=np.minimum(self.lower, lower), upper=np.maximum(self.upper, upper)

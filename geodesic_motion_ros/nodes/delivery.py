@@ -33,7 +33,7 @@ class Lately:
 
     def __init__(self) -> None:
         # When each span began [s], and the largest figure in it.
-        self._spans: deque[tuple[float, float]] = deque()
+        self._spans: deque[tuple[float, float]] = deque(maxlen=math.ceil(COUNTED / _SPAN) + 2)
 
     def add(self, figure: float, now: float) -> None:
         """Count a figure from now on [s]."""
@@ -45,9 +45,7 @@ class Lately:
 
     def largest(self, now: float) -> float:
         """Return the largest figure, as of now [s]; 0 where there is none."""
-        while self._spans and self._spans[0][0] < now - COUNTED - _SPAN:
-            self._spans.popleft()
-        return max((largest for _, largest in self._spans), default=0.0)
+        return max((largest for begun, largest in self._spans if begun >= now - COUNTED - _SPAN), default=0.0)
 
 
 class TransitWatch:
@@ -66,7 +64,7 @@ class TransitWatch:
         Clocks that differ by more than `OTHER_CLOCK` say nothing but by how much longer than others a message took.
         """
         now, period = arrival.running, self._period
-        late = max(0.0, self._pause(now) - period)
+        late = max(0.0, self._end_pause(now) - period)
         if stamp != 0.0:
             self._clock.age(stamp, arrival)
             transit, least = arrival.transit(stamp), self._clock.least
@@ -75,8 +73,8 @@ class TransitWatch:
         if late < COUNTED:
             self._lately.add(late, now)
 
-    def _pause(self, now: float) -> float:
-        """How long nothing had come before a message that comes now [s]; 0 after a silence."""
+    def _end_pause(self, now: float) -> float:
+        """Take note that a message comes now [s], and return how long nothing had come before; 0 after a silence."""
         pause, self._newest = now - self._newest, now
         if now - self._begun >= _SPAN:
             # Of the first span nothing is known.

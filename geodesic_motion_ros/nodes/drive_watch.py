@@ -14,6 +14,7 @@ import numpy as np
 from geodesic_motion_ros.contract.status import Refusal, VerdictCode
 from geodesic_motion_ros.nodes.arm_watch import REST_TIME
 from geodesic_motion_ros.nodes.deviation import farthest, joint_deviation
+from geodesic_motion_ros.nodes.sent_trajectories import LEFT
 
 #: The topic of what the drive commands.
 DRIVE_TOPIC = "commanded_joint_states"
@@ -47,6 +48,8 @@ class DriveWatch:
         self.taken = -np.inf
         self._place = np.full(len(self._names), np.nan)
         self._since = -np.inf
+        # Since when the drive has been elsewhere than it was sent to move to, and how far that is.
+        self._parted, self._apart = np.inf, ""
 
     def take(self, commanded: np.ndarray, taken: float) -> None:
         """Take a configuration (eta,) [rad] that the drive commanded at a time."""
@@ -98,6 +101,22 @@ class DriveWatch:
         return Start(
             self.commanded, f"motions begin where the drive commands the arm, {self._off(measured, self.commanded)}"
         )
+
+    def compare(self, sent: np.ndarray | None) -> None:
+        """Compare what the drive commands with where it was sent to be by then (eta,) [rad], in motion; None where it
+        was sent to rest, or that is not known.
+        """
+        if sent is None or self.commanded is None:
+            self._parted = np.inf
+            return
+        off, name = farthest(self.commanded - sent, self._names)
+        self._apart = f"{off:.3f} rad in '{name}'"
+        self._parted = min(self._parted, self.taken) if off >= LEFT else np.inf
+
+    @property
+    def stalled(self) -> str:
+        """How far the drive stands still from where it was sent to move; "" where it does not."""
+        return self._apart if min(self.rested, self.taken - self._parted) >= REST_TIME else ""
 
     def has_left(self, sent: np.ndarray, oldest: float) -> bool:
         """Whether the drive has rested elsewhere than at `sent` (eta,) [rad]: it was stopped, or begun anew, by others.

@@ -30,12 +30,12 @@ from geodesic_motion_ros.nodes.arm_watch import REST_TIME, ArmWatch, UnsettledAr
 from geodesic_motion_ros.nodes.cycle import CycleInputs, CycleOutput, PoseArrays
 from geodesic_motion_ros.nodes.cycle_clock import CycleClock
 from geodesic_motion_ros.nodes.delivery import Lately, takeover_delay
-from geodesic_motion_ros.nodes.deviation import farthest, joint_deviation, pose_deviation
+from geodesic_motion_ros.nodes.deviation import joint_deviation, pose_deviation
 from geodesic_motion_ros.nodes.drive_watch import DriveWatch
 from geodesic_motion_ros.nodes.input_faults import Halt, readiness, rivals, stale_state
 from geodesic_motion_ros.nodes.newest_goal import NewestGoal
 from geodesic_motion_ros.nodes.preparation import Preparation
-from geodesic_motion_ros.nodes.sent_trajectories import LEFT, SentTrajectories
+from geodesic_motion_ros.nodes.sent_trajectories import SentTrajectories
 from geodesic_motion_ros.nodes.shown_plan import ShownPlan
 from geodesic_motion_ros.nodes.steady_error import SteadyError
 from geodesic_motion_ros.obstacles.obstacles import Obstacles
@@ -136,8 +136,6 @@ class PlannerCycle:
         self.steady = SteadyError(planner.robot.joint_names)
         # Since when what is played has been over [s, heard]; inf while it is not.
         self._over_since = math.inf
-        # Since when the drive has been elsewhere than the arm was sent [s].
-        self._parted = math.inf
         # What the log is to say of this cycle, and what has happened that disarms.
         self._news = self._disarms = ""
         # Whether the planner was armed in the last cycle, and whether it only shows what it would do.
@@ -211,7 +209,7 @@ class PlannerCycle:
         """Plan on from the trajectory that the drive goes on with, where it has not taken a later one."""
         if inputs.drive is None or inputs.drive_age > self.state_timeout or self._arm.lost is not None:
             return
-        if (fallen_back := self._sent.fallen_back(inputs.drive, inputs.now - inputs.drive_age)) is None:
+        if (fallen_back := self._sent.fall_back(inputs.drive, inputs.now - inputs.drive_age)) is None:
             return
         sent, waited = fallen_back
         self.not_taken += 1
@@ -364,9 +362,9 @@ class PlannerCycle:
             plan = self.planner.stop(self._now, plan.verdict, self._handover_deadline())
         return self._output(plan)
 
-    def _withheld(self, plan: Plan) -> Plan:
-        """The plan, or without its trajectory where that would be heard after it takes over, and so be a step: what is
-        played goes on, and the next cycle plans again, for a later time.
+    def _withhold_late(self, plan: Plan) -> Plan:
+        """Withhold the trajectory of a plan that would be heard after it takes over, and so be a step: what is played
+        goes on, and the next cycle plans again, for a later time. Returns the plan, without it.
         """
         if plan.reference is None or self._simulated or self._command_topic != "joint_trajectory":
             return plan
@@ -385,7 +383,7 @@ class PlannerCycle:
         return Plan(None, self._now, Refusal(VerdictCode.DEADLINE_MISSED, reason), mode=plan.mode)
 
     def _output(self, plan: Plan) -> CycleOutput:
-        plan = self._withheld(plan)
+        plan = self._withhold_late(plan)
         trajectory = self._hand_over(plan)
         commanded = self.planner.commanded_state(self._now)
         path = self.planner.motion_to_goal() if plan.verdict.ok else None
@@ -580,9 +578,11 @@ class PlannerCycle:
         if not self._arm.jump:
             self._track(measured, taken)
             deviation = self._deviation(measured, taken)
-        lost = self._heed(self._arm.lose(measured, deviation, self._stalled(inputs)))
+        resting = self._sent_to_stand(inputs)
+        self._drive.compare(self._sent_to_move(inputs) if resting is None else None)
+        lost = self._heed(self._arm.lose(measured, deviation, self._drive.stalled))
         if lost is None:
-            return self._rest(inputs, measured)
+            return self._watch_rest(inputs, measured, resting)
         self.steady.forget()
         if not self._can_brake(inputs):
             self._stand_at(measured, inputs.now)
@@ -592,20 +592,13 @@ class PlannerCycle:
         if inputs.drive is not None:
             self._drive.take(inputs.drive, inputs.heard - inputs.drive_age)
 
-    def _stalled(self, inputs: CycleInputs) -> str:
-        """Say how far the drive stands still from where it was sent to move on; "" where it does not, or that is not
-        known.
-        """
-        taken = inputs.heard - inputs.drive_age
-        moves = self._command_topic == "joint_trajectory" and self._sent_to_stand(inputs) is None
-        sent = self.planner.commanded_state(inputs.now - inputs.drive_age) if moves else None
-        if sent is None or inputs.drive is None or inputs.drive_age > self.state_timeout or self._arm.jump:
-            self._parted = math.inf
-            return ""
-        off, name = farthest(inputs.drive - sent[0], self.planner.robot.joint_names)
-        self._parted = min(self._parted, taken) if off >= LEFT else math.inf
-        stalled = min(self._drive.rested, taken - self._parted) >= REST_TIME
-        return f"{off:.3f} rad in '{name}'" if stalled else ""
+    def _sent_to_move(self, inputs: CycleInputs) -> np.ndarray | None:
+        """Where the arm was sent to be in motion (eta,) [rad], when its drive was heard; None where it is not known."""
+        silent = inputs.drive is None or inputs.drive_age > self.state_timeout
+        if silent or self._arm.jump or self._command_topic != "joint_trajectory":
+            return None
+        sent = self.planner.commanded_state(inputs.now - inputs.drive_age)
+        return None if sent is None else sent[0]
 
     def _can_brake(self, inputs: CycleInputs) -> bool:
         """Whether an arm that was just lost can be braked by what is played: its drive still follows that, or nothing
@@ -621,11 +614,10 @@ class PlannerCycle:
             return False
         return joint_deviation(drive, played[0], self.planner.robot.joint_names, self.tracking_tolerance) is None
 
-    def _rest(self, inputs: CycleInputs, measured: np.ndarray) -> Refusal | None:
-        """See how far an arm at rest is from where it is commanded, and begin anew where its drive has left that; why
-        that is not possible, None where it is, and in motion.
+    def _watch_rest(self, inputs: CycleInputs, measured: np.ndarray, sent: np.ndarray | None) -> Refusal | None:
+        """See how far an arm at rest is from where it was sent (eta,) [rad], None in motion, and begin anew where its
+        drive has left that; why that is not possible, None where it is.
         """
-        sent = self._sent_to_stand(inputs)
         self._over_since = math.inf if sent is None else min(self._over_since, inputs.heard)
         if sent is None:
             self.steady.forget()

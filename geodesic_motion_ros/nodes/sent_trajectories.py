@@ -44,9 +44,9 @@ class SentTrajectories:
         """What was sent does not count any more."""
         self._takeovers.clear()
 
-    def fallen_back(self, drive: np.ndarray, taken: float) -> tuple[Sent, float] | None:
-        """Return the trajectory that the drive goes on with, and for how long it should have followed another one [s];
-        None where it follows the newest, or it is not known what it follows.
+    def fall_back(self, drive: np.ndarray, taken: float) -> tuple[Sent, float] | None:
+        """Forget what the drive has not taken, and return the trajectory that it goes on with, and for how long it
+        should have followed another one [s]; None where it follows the newest, or it is not known what it follows.
 
         drive : (eta,) [rad] that it commanded at the time `taken` [s].
         """

@@ -8,6 +8,7 @@ import pytest
 from geodesic_motion_ros.contract.status import Refusal, VerdictCode
 from geodesic_motion_ros.nodes.arm_watch import REST_TIME
 from geodesic_motion_ros.nodes.drive_watch import DRIVE_RESTS, SAME_PLACE, DriveWatch, Start
+from geodesic_motion_ros.nodes.sent_trajectories import LEFT
 
 NAMES = ("shoulder", "elbow")
 PLACE = np.array([0.5, -1.0])
@@ -57,6 +58,26 @@ def test_a_drive_that_commands_another_place_than_that_of_the_arm_is_named_with_
     assert refused.code is VerdictCode.BAD_INPUT
     assert "0.200 rad in 'shoulder' from where its drive commands it" in refused.reason
     assert "0.100 rad" in refused.reason
+
+
+def compared(watch: DriveWatch, sent: np.ndarray | None, seconds: float, speed: float = 0.0) -> str:
+    """What is said of a drive that moves at a speed [rad/s] for some seconds, sent elsewhere."""
+    for time in np.arange(0.02, seconds, 0.02):
+        watch.take(PLACE + speed * time, 10.0 + float(time))
+        watch.compare(sent)
+    return watch.stalled
+
+
+def test_a_drive_that_stands_still_where_it_was_sent_to_move_is_named_after_a_while(watch):
+    away = PLACE + np.array([0.0, 2.0 * LEFT])
+    assert compared(watch, away, REST_TIME) == ""
+    assert compared(watch, away, 2.0 * REST_TIME) == "0.006 rad in 'elbow'"
+    assert compared(watch, None, 2.0 * REST_TIME) == ""
+
+
+@pytest.mark.parametrize(("off", "speed"), [(0.5 * LEFT, 0.0), (2.0 * LEFT, 0.01)], ids=["near", "moves"])
+def test_a_drive_that_is_near_where_it_was_sent_or_moves_does_not_stand_still(watch, off, speed):
+    assert compared(watch, PLACE + off, 2.0 * REST_TIME, speed) == ""
 
 
 def test_nothing_begins_while_the_drive_moves(watch):

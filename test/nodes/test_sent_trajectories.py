@@ -41,31 +41,31 @@ def trajectories() -> SentTrajectories:
 
 
 def test_of_nothing_sent_nothing_is_known():
-    assert SentTrajectories().fallen_back(np.zeros(2), 5.0) is None
+    assert SentTrajectories().fall_back(np.zeros(2), 5.0) is None
 
 
 def test_a_drive_that_follows_the_newest_has_not_fallen_back(trajectories):
     for time in np.arange(0.5, 3.0, 0.01):
         sent = OLD if time < 1.0 else NEW
-        assert trajectories.fallen_back(place(sent, time) + 0.9 * FOLLOWED, float(time)) is None
+        assert trajectories.fall_back(place(sent, time) + 0.9 * FOLLOWED, float(time)) is None
 
 
 def test_a_drive_that_goes_on_with_the_one_before_has_once_the_newest_cannot_be_in_transit(trajectories):
     for time in np.arange(0.9, 1.0 + IN_TRANSIT - 1e-9, 0.01):
-        assert trajectories.fallen_back(place(OLD, time), float(time)) is None
+        assert trajectories.fall_back(place(OLD, time), float(time)) is None
     time = 1.0 + IN_TRANSIT + 0.01
-    fallen_back = trajectories.fallen_back(place(OLD, time), time)
+    fallen_back = trajectories.fall_back(place(OLD, time), time)
     assert fallen_back is not None
     assert fallen_back[0] is OLD
     assert fallen_back[1] == pytest.approx(IN_TRANSIT + 0.01)
     # from then on that is the newest
-    assert trajectories.fallen_back(place(OLD, 2.0), 2.0) is None
+    assert trajectories.fall_back(place(OLD, 2.0), 2.0) is None
 
 
 def test_what_was_planned_on_from_one_that_was_refused_does_not_count_either(trajectories):
     later = moving(SPEED, place(NEW, 1.1), 1.1)
     trajectories.add(later, 1.1)
-    fallen_back = trajectories.fallen_back(place(OLD, 1.3), 1.3)
+    fallen_back = trajectories.fall_back(place(OLD, 1.3), 1.3)
     assert fallen_back is not None
     assert fallen_back[0] is OLD
     # since the first that was not taken
@@ -74,14 +74,14 @@ def test_what_was_planned_on_from_one_that_was_refused_does_not_count_either(tra
 
 @pytest.mark.parametrize("off", [np.array([0.5 * (FOLLOWED + LEFT), 0.0]), np.array([0.5, 0.5])], ids=["near", "far"])
 def test_a_drive_that_follows_none_of_them_is_not_known(trajectories, off):
-    assert trajectories.fallen_back(place(NEW, 2.0) + off, 2.0) is None
+    assert trajectories.fall_back(place(NEW, 2.0) + off, 2.0) is None
 
 
 def test_an_old_one_that_was_left_is_no_place_to_fall_back_to(trajectories):
-    assert trajectories.fallen_back(place(NEW, 1.5), 1.5) is None
-    assert trajectories.fallen_back(place(OLD, 1.6), 1.6) is None
+    assert trajectories.fall_back(place(NEW, 1.5), 1.5) is None
+    assert trajectories.fall_back(place(OLD, 1.6), 1.6) is None
 
 
 def test_what_was_sent_to_an_arm_that_was_lost_is_forgotten(trajectories):
     trajectories.forget()
-    assert trajectories.fallen_back(place(OLD, 2.0), 2.0) is None
+    assert trajectories.fall_back(place(OLD, 2.0), 2.0) is None
