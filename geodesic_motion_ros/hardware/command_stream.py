@@ -13,13 +13,18 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from geodesic_motion_ros.hardware.judged_commands import PERIOD, SEEN, check_takeover
+from geodesic_motion_ros.hardware.judged_commands import PERIOD, SEEN, check_motion, check_takeover
 from geodesic_motion_ros.robot.limits import JointLimits
 from geodesic_motion_ros.trajectory.trajectory_player import JointWaypoints, TrajectoryPlayer
 from geodesic_motion_ros.utils.errors import RobotError
 
 #: A trajectory that lies more [s] in the future than this waits for no takeover that anybody meant.
 LONGEST_WAIT = 1.0
+#: Why a motion is refused that the arm was not there for: one text for all of its trajectories, which is logged once.
+_UNDERWAY = (
+    "the motion began before the arm was armed, and the arm is not where it has come to: it stands until a trajectory "
+    "begins where it is"
+)
 
 
 class CommandStream:
@@ -38,6 +43,8 @@ class CommandStream:
         self._player = TrajectoryPlayer(positions, np.zeros(len(positions)))
         self._sent = deque([positions.copy() for _ in range(SEEN)], maxlen=SEEN)
         self._newest = -math.inf
+        # The time of the first command, until a trajectory is played; -inf then.
+        self._began = math.inf
         # In the order in which they begin, with that time.
         self._waiting: list[tuple[float, JointWaypoints, float]] = []
 
@@ -64,6 +71,7 @@ class CommandStream:
         milliseconds that were missed what should have been sent does: an arm goes on by itself, nearly so.
         """
         refused = ""
+        self._began = min(self._began, now)
         missed = round((now - self._newest) / PERIOD) - 1 if math.isfinite(self._newest) else 0
         for step in range(min(missed, SEEN), 0, -1):
             self._sent.append(self._player.sample(now - PERIOD * step)[0])
@@ -74,8 +82,10 @@ class CommandStream:
         if due is not None:
             try:
                 self._player = self._continued(due[1], due[2], now)
+                self._began = -math.inf
             except RobotError as error:
-                refused = f"{error}; it came into effect {1000.0 * (now - due[0]):.0f} ms after its begin"
+                late = f"{error}; it came into effect {1000.0 * (now - due[0]):.0f} ms after its begin"
+                refused = _UNDERWAY if due[0] < self._began else late
         state = self._player.sample(now)
         self._sent.append(state[0])
         return state, refused
@@ -86,3 +96,14 @@ class CommandStream:
         coming = np.stack([player.sample(now + PERIOD * step)[0] for step in range(SEEN)])
         check_takeover(np.stack(self._sent), coming, self._limits, self._names)
         return player
+
+
+def load_kernels(limits: JointLimits) -> None:
+    """Load all that is compiled of the judging and playing of a trajectory, so that the first one does not wait."""
+    middle = 0.5 * (limits.lower + limits.upper)
+    still = np.zeros((2, len(middle)))
+    waypoints = JointWaypoints(np.array([0.0, 1.0]), np.tile(middle, (2, 1)), still, still)
+    check_motion(waypoints, limits, ())
+    stream = CommandStream(middle, limits, ())
+    stream.receive(waypoints, 0.0, 0.0)
+    stream.command(0.0)

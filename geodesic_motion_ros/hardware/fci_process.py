@@ -27,15 +27,14 @@ from typing import Any
 import numpy as np
 import pylibfranka as fci
 
-from geodesic_motion_ros.hardware.command_stream import CommandStream
-from geodesic_motion_ros.hardware.drive_state import JOINTS, SIZE, DriveMode, SharedState
+from geodesic_motion_ros.hardware.command_stream import CommandStream, load_kernels
+from geodesic_motion_ros.hardware.drive_state import SIZE, DriveMode, SharedState
 from geodesic_motion_ros.hardware.drive_talk import Notice, Request
 from geodesic_motion_ros.hardware.judged_commands import PERIOD
 from geodesic_motion_ros.hardware.reflexes import errors_of, explained
 from geodesic_motion_ros.hardware.robot_clock import RobotClock
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.robot.limits import JointLimits
-from geodesic_motion_ros.trajectory.trajectory_player import JointWaypoints
 from geodesic_motion_ros.utils.errors import RobotError
 
 #: Between two attempts to connect [s], in which requests are answered.
@@ -71,7 +70,7 @@ class FciProcess:
 
     def run(self) -> None:
         """Serve until the node ends."""
-        self._warm_up()
+        load_kernels(self._limits)
         self._make_realtime()
         gc.collect()
         gc.disable()  # a collection takes longer than the arm waits
@@ -96,17 +95,24 @@ class FciProcess:
 
     def _lose(self, error: Exception) -> None:
         """Give a connection up: after a time-out libfranka's is dead for good."""
+        in_motion = self._robot is not None and bool(self._shared.read().commanded_velocities.any())
         self._robot = None
         self._shared.write(DriveMode.CONNECTING, self._clock.now)
         reason = f"no connection to the arm at {self._address}: {_brief(error)}"
-        if reason != self._said:
+        self._refuse_all(reason)  # so it hears that the node ends: then nothing is tried again
+        if self._closing and in_motion:
+            self._tell("error", f"{reason}; it was lost before the arm rested, which then stops itself")
+        elif not self._closing and reason != self._said:
             self._said = reason
             text = f"{reason}; tried again every {_RETRY:g} s; then it needs ~/arm anew"
             self._tell("error", text, mode=DriveMode.CONNECTING)
         until = time.monotonic() + _RETRY
         while not self._closing and time.monotonic() < until:
-            for request in self._requests(_LISTEN):
-                self._refuse(request, reason)
+            self._refuse_all(reason, _LISTEN)
+
+    def _refuse_all(self, reason: str, patience: float = 0.0) -> None:
+        for request in self._requests(patience):
+            self._refuse(request, reason)
 
     # ------------------------------------------------------------------ standing
 
@@ -116,9 +122,9 @@ class FciProcess:
         while not self._closing:
             state = self._robot.read_once()
             before, mode = mode, _MODES.get(state.robot_mode, DriveMode.NOT_READY)
-            self._note(mode, state)
-            if mode is not before:
+            if mode is not before:  # said first: who sees the mode then knows why
                 self._say_mode(mode, state)
+            self._note(mode, state)
             for request in self._requests():
                 if request.kind == "arm" and mode is DriveMode.DISARMED:
                     return self._begin(request)
@@ -246,13 +252,6 @@ class FciProcess:
             self._link.send(Notice(kind, text, number, mode))
 
     # ------------------------------------------------------------------ beginning
-
-    def _warm_up(self) -> None:
-        """Load compiled kernels before the first cycle, not in it."""
-        still = np.zeros((2, JOINTS))
-        stream = CommandStream(still[0], self._limits, self._names)
-        stream.receive(JointWaypoints(np.array([0.0, 1.0]), still, still, still), 0.0, 0.0)
-        stream.command(0.0)
 
     def _make_realtime(self) -> None:
         if self._by_robot:

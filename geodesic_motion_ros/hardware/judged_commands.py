@@ -49,7 +49,7 @@ def check_motion(waypoints: JointWaypoints, limits: JointLimits, names: Sequence
         )
     if len(waypoints.times) < 2:
         return
-    # Of one layout, that of `load_checks`: kernels are compiled anew for another one, and the arm waits.
+    # Of one layout, that of `load_kernels`: kernels are compiled anew for another one, and the arm waits.
     rows = (waypoints.times, waypoints.positions, waypoints.velocities, waypoints.accelerations)
     motion = JointReference(*map(contiguous, rows), np.empty((len(waypoints.times), 0)))
     inside, shares = motion.measured(limits)
@@ -68,13 +68,6 @@ def check_motion(waypoints: JointWaypoints, limits: JointLimits, names: Sequence
             f"the trajectory has {worst[order]:.2f} times the {_NAMES[order]} that the arm allows, {begin:.2f} s after "
             "its begin: lower speed_scale or acceleration_scale of what sends it"
         )
-
-
-def load_checks(limits: JointLimits) -> None:
-    """Load the compiled kernels of `check_motion`, so that the first trajectory does not wait for them."""
-    middle = np.tile(0.5 * (limits.lower + limits.upper), (2, 1))
-    still = np.zeros(middle.shape)
-    check_motion(JointWaypoints(np.array([0.0, 1.0]), middle, still, still), limits, ())
 
 
 def check_takeover(sent: np.ndarray, coming: np.ndarray, limits: JointLimits, names: Sequence[str]) -> None:

@@ -3,11 +3,11 @@
     .venv-robot-server/bin/python robot_server.py MODEL ADDRESS JOINTS SPEED
 
 MODEL : a MuJoCo model of the arm. ADDRESS : of this machine, 127.x.y.z; the port is Franka's. JOINTS : where it stands,
-q1,...,q7 [rad]. SPEED : how many times real time it may be fast, or `real`.
+q1,...,q7 [rad]. SPEED : a number, how many times as fast as real time it is at most; or `real`.
 
-Run by a number it lives in a time of its own: each of its milliseconds waits for the answer to the one before, as long
-as somebody who is commanding it may take on a busy machine, so that nobody but who is silent loses a command. `real`:
-as franka-sim is, against the clock of the machine.
+With a number it lives in a time of its own: each of its milliseconds waits for the answer to the one before, for half
+a second at most, so that a busy machine is hardly ever a reason for a reflex. Who has left ten in a row unanswered is
+not waited for. With `real` its milliseconds are those of the machine, as franka-sim has them.
 
 It is run by its path in an environment of its own, and imports nothing of this package.
 """

@@ -21,10 +21,11 @@ from sensor_msgs.msg import JointState
 from std_srvs.srv import SetBool, Trigger
 from trajectory_msgs.msg import JointTrajectory
 
+from geodesic_motion_ros.hardware.command_stream import load_kernels
 from geodesic_motion_ros.hardware.drive_state import JOINTS, DriveMode, DriveState
 from geodesic_motion_ros.hardware.drive_talk import Notice
 from geodesic_motion_ros.hardware.fci_link import FciLink
-from geodesic_motion_ros.hardware.judged_commands import check_motion, load_checks
+from geodesic_motion_ros.hardware.judged_commands import check_motion
 from geodesic_motion_ros.nodes.messages import (
     MessageRefused,
     diagnostic_array,
@@ -48,6 +49,8 @@ _TRAJECTORIES = "joint_trajectory"
 _WAITING = 20
 #: The status is published so often [Hz], and at once where the mode has changed.
 _STATUS_RATE = 10.0
+#: Stamps that are older than this [s] are those of an arm whose milliseconds last longer than the machine's.
+_OLD = 0.1
 _MESSAGES = {
     DriveMode.CONNECTING: "no connection to the arm",
     DriveMode.DISARMED: "the arm stands and follows nothing: ~/arm with data: true",
@@ -58,6 +61,10 @@ _MESSAGES = {
     DriveMode.NOT_READY: "the arm is not set to execution",
     DriveMode.ENDED: "the process that commands the arm has ended",
 }
+_SLOW = (
+    "; its stamps are {:.2f} s old: the arm's milliseconds last longer than this machine's, as those of a slow "
+    "simulation, which is for clock_from_robot"
+)
 _LEVELS = {DriveMode.FOLLOWING: DiagnosticStatus.OK, DriveMode.DISARMED: DiagnosticStatus.WARN}
 
 
@@ -92,11 +99,11 @@ class FrankaNode(LoopingNode):
         self._robot, self._limits = plain.prefixed(self._prefix), JointLimits.of(plain)
         self._by_robot, self._address, rate = values["clock_from_robot"], values["address"], values["state_rate"]
         self._epoch = time.time_ns()
-        load_checks(self._limits)
+        load_kernels(self._limits)
         self.refusals = RefusalLog(self.get_logger().warning)
         self.link = FciLink(self._address, values["robot"], self._by_robot, self._epoch, self._hear, self._died)
         self._loop = SteadyLoop(self._tick, rate, self._died, name="states")
-        self._published = 0
+        self._published, self._age = 0, 0.0
         self._mode: DriveMode | None = None
         self._every = max(1, round(rate / _STATUS_RATE))
         # What the arm said last, and what it said last of each mode.
@@ -143,6 +150,8 @@ class FrankaNode(LoopingNode):
 
     def _publish(self, state: DriveState) -> None:
         stamp = Time(nanoseconds=self._epoch + round(1e9 * state.time)).to_msg()
+        if not self._by_robot:
+            self._age = 1e-9 * (time.time_ns() - self._epoch) - state.time
         if self._clock_publisher is not None:
             self._clock_publisher.publish(Clock(clock=stamp))
         names = self._robot.joint_names
@@ -151,6 +160,10 @@ class FrankaNode(LoopingNode):
 
     def _publish_status(self, state: DriveState) -> None:
         message = self._explained.get(state.mode) or _MESSAGES[state.mode]
+        level = _LEVELS.get(state.mode, DiagnosticStatus.ERROR)
+        if self._age > _OLD:
+            message += _SLOW.format(self._age)
+            level = max(level, DiagnosticStatus.WARN)
         error = float(np.max(np.abs(state.positions - state.commanded)))
         values = {
             "mode": state.mode.name,
@@ -158,11 +171,11 @@ class FrankaNode(LoopingNode):
             "success_rate": state.success,
             "lost_cycles": state.lost,
             "tracking_error_mrad": 1000.0 * error,
+            "stamp_age_ms": 1000.0 * self._age,
             "refused_input": self.refusals.newest(within=1.0),
             **{f"refused_{topic}": count for topic, count in sorted(self.refusals.counts.items())},
         }
         name = f"{self.get_fully_qualified_name().lstrip('/')}: arm"
-        level = _LEVELS.get(state.mode, DiagnosticStatus.ERROR)
         status = diagnostic_status(level, name, f"{state.mode.name}: {message}", self._address, values)
         self._status.publish(diagnostic_array([status], self.get_clock().now().to_msg()))
 

@@ -142,8 +142,30 @@ def test_one_that_has_ended_or_lies_far_ahead_is_refused(arm) -> None:
 def test_the_refusal_says_how_late_it_came_into_effect(arm) -> None:
     motion = arm.motion(9)
     stream = CommandStream(motion.positions[0], arm.limits, arm.names)
+    stream.command(0.0)
     # from rest, by when the motion is well begun
     stream.receive(arm.sent(motion), 0.0, 0.25)
     state, refused = stream.command(0.25)
     assert "250 ms after its begin" in refused
     np.testing.assert_array_equal(state, [motion.positions[0], np.zeros(7), np.zeros(7)])
+
+
+def test_of_a_motion_that_began_before_the_first_command_that_is_said_in_one_text(arm) -> None:
+    motion = arm.motion(10)
+    stream = CommandStream(motion.positions[0], arm.limits, arm.names)
+    first = cycles(0.4 * motion.duration)
+    said = set()
+    for number in range(first, first + 3):
+        stream.receive(arm.sent(motion), 0.0, PERIOD * number)
+        state, refused = stream.command(PERIOD * number)
+        said.add(refused)
+        np.testing.assert_array_equal(state, [motion.positions[0], np.zeros(7), np.zeros(7)])
+    (text,) = said
+    assert "the motion began before the arm was armed" in text
+    # one that begins where the arm stands is played; from then on it is said what does not fit
+    begin = PERIOD * (first + 10)
+    stream.receive(arm.sent(motion), begin, begin)
+    played(stream, first + 10, first + 20)
+    stream.receive(arm.sent(motion), 0.0, begin)
+    _, (refused,) = played(stream, first + 20, first + 21)
+    assert "does not continue what is commanded" in refused
