@@ -35,12 +35,18 @@ from geodesic_motion_ros.utils.errors import ParameterError, SkillError
 FOLDER, ROBOT = Path(".venv-robot-server"), "fr3"
 #: The sphere is published so often [s].
 _OBSTACLE_EVERY = 1.0 / 30.0
+#: The simulated arm's servo holds it so near to what it is commanded [rad]; its velocities jitter while it stands.
+_NEAR = 0.02
+#: What a node has said before it was killed is heard within so long [s].
+_ON_ITS_WAY = 0.5
 
 
-def loopback_address() -> str:
-    """An address of this machine for this process alone: the port of the protocol is one for all servers."""
+def loopback_address(network: bool = False) -> str:
+    """An address of this machine for this process alone, of a server or of a network before it: the port of the
+    protocol is one for all.
+    """
     number = os.getpid()
-    return f"127.{1 + number // 65536 % 250}.{number // 256 % 256}.{1 + number % 256 % 250}"
+    return f"127.{1 + number // 65536 % 125 + 125 * network}.{number // 256 % 256}.{1 + number % 256 % 250}"
 
 
 def check_server(folder: Path, skill: Skill) -> None:
@@ -126,11 +132,6 @@ class ServerProbe(Probe):
         self.wait(lambda: self._code == "NO_GOAL" and self._goals.get_subscription_count(), "the planner to start")
 
     @property
-    def reflexes(self) -> list[str]:
-        """What the driver said of each reflex."""
-        return [text for text in self.stops if text.startswith("REFLEX")]
-
-    @property
     def node(self) -> Node:
         """The probe's own node."""
         return self._node
@@ -154,6 +155,20 @@ class ServerProbe(Probe):
     def recover(self) -> str:
         """Have the driver recover the arm; returns what it answers."""
         return self._ask(self.recovery, Trigger.Request(), "the driver to recover")
+
+    def fastest(self) -> float:
+        """The speed that is commanded of the fastest joint [rad/s]."""
+        return float(np.abs(self.drive[7:]).max())
+
+    def stands(self) -> bool:
+        """Whether the arm is commanded to stand, and is there."""
+        return self.fastest() == 0.0 and float(np.abs(self.arm[:7] - self.drive[:7]).max()) < _NEAR
+
+    def forget_driver(self) -> None:
+        """Hear the last of a driver that was killed: what is heard from now on is of another one."""
+        until = time.monotonic() + _ON_ITS_WAY
+        self.wait(lambda: time.monotonic() > until, "the last of the driver")
+        self.mode = ""
 
     def wait(self, condition: Callable[[], Any], what: str) -> None:
         """Wait as long as the processes live, but no longer than `patience`."""
@@ -201,6 +216,8 @@ class ServerProbe(Probe):
         self.said = status.message
         if self.mode == "REFLEX" != before or (self.mode == "CONNECTING" and before == "FOLLOWING"):
             self.stops.append(status.message)
+        elif self.stops and self.mode == before == self.stops[-1].partition(":")[0]:
+            self.stops[-1] = status.message  # the reason follows
 
     def run(self, after_contact: float = math.inf) -> Recording:
         """As of the twin; clearance and contacts are judged at the end."""

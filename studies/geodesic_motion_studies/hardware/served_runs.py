@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import math
-import os
 import signal
+import sys
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
@@ -30,7 +30,7 @@ from geodesic_motion_ros.skill.skill import Skill
 OWN, REAL = "1.0", "real"
 #: A joint is in motion from here on [rad/s]; the longest wait for the nodes [s]; a fault is watched for so long [s].
 MOVING, PATIENCE, WATCHED = 0.2, 300.0, 6.0
-#: How long the process that commands the arm is stopped [s]: to the arm it is a network that stalls.
+#: For how long the network between driver and arm lets nothing pass [s].
 STALLS = (0.02, 0.2, 2.0)
 
 
@@ -40,17 +40,18 @@ class Row:
 
     Attributes
     ----------
-    arrived : after the goal [s], nan where not. reflexes : how many. clearance : of the meshes at the measured joints
-        [mm], nan without a sphere. tracking : largest difference of a measured from a commanded joint, at one time
-        [mrad]. refused : trajectories. lost : milliseconds in which the arm had no answer. mode : of the driver, in the
-        end. at_rest : whether nothing is commanded to move in the end. newest : of the driver's log, or why not.
+    arrived : after the goal [s], nan where not. stops : what the driver said of each reflex and of each connection that
+        was lost. clearance : of the meshes at the measured joints [mm], nan without a sphere. tracking : largest
+        difference of a measured from a commanded joint, at one time [mrad]. refused : trajectories. mode : of the
+        driver, in the end. at_rest : whether the arm stands in the end. newest : status of the driver, or why the run
+        was given up.
     """
 
     name: str
     seed: int
     time: str
     arrived: float
-    reflexes: int
+    stops: list[str]
     clearance: float
     tracking: float
     refused: int
@@ -63,68 +64,95 @@ class Row:
         return asdict(self)
 
 
-Fault = Callable[["ServedRun", np.random.Generator], None]
+Fault = Callable[["ServedRun"], None]
+
+
+@dataclass(frozen=True)
+class Case:
+    """A run that can be repeated: by whose time, with or without sphere and avoidance, with which fault in motion.
+
+    stall : of the network between driver and arm, at each request [s]; None: there is no such network.
+    """
+
+    name: str
+    speed: str
+    sphere: bool = False
+    avoidance: bool = True
+    fault: Fault | None = None
+    stall: float | None = None
 
 
 class ServedRun:
-    """The processes of one run and a probe of them."""
+    """The processes of one run of a case, and a probe of them."""
 
-    def __init__(self, folder: Path, domain: int, speed: str, demo: Demo, sphere: bool, avoidance: bool) -> None:
-        self._folder, self._domain, self._speed, self._demo = folder, domain, speed, demo
-        self._sphere, self._avoidance = sphere, avoidance
+    def __init__(self, folder: Path, domain: int, demo: Demo, case: Case) -> None:
+        self._folder, self._domain, self._demo, self._case = folder, domain, demo, case
+        self._address = loopback_address()
 
-    def row(self, name: str, seed: int, fault: Fault | None) -> Row:
-        """Run once, with a fault in motion."""
-        address, scene = loopback_address(), self._demo.scene
+    def row(self, seed: int) -> Row:
+        """Run once; seed : of the moment of the fault."""
+        case, scene = self._case, self._demo.scene
         with Processes(self._folder, isolated_environment(self._domain)) as self.processes:
-            start_server(self.processes, FOLDER, address, SERVED_SKILL, self._speed)
-            start_driver(self.processes, address, self._speed)
+            self.start_server()
+            if case.stall is not None:
+                start_network(self.processes, self._address, case.stall)
+            self.start_driver()
             start_planner(
-                self.processes, self._speed,
+                self.processes, case.speed,
                 {
-                    "skill": SERVED_SKILL, "scene": SCENE, "avoidance": self._avoidance, "latent_view_rate": 0.0,
+                    "skill": SERVED_SKILL, "scene": SCENE, "avoidance": case.avoidance, "latent_view_rate": 0.0,
                     "obstacle_point_radius": scene.obstacle.radius, **scene.patience,
                 },
             )  # fmt: skip
-            obstacle, simulated = scene.obstacle if self._sphere else None, self._speed != REAL
+            obstacle, simulated = scene.obstacle if case.sphere else None, case.speed != REAL
             skill = Skill.load(SERVED_SKILL)
             with ServerProbe(self.processes, self._domain, skill, obstacle, _quiet, simulated, PATIENCE) as self.probe:
                 newest = ""
                 try:
-                    if fault is None:
+                    if case.fault is None:
                         self.probe.run()
                     else:
-                        self._disturbed(fault, np.random.default_rng(seed))
+                        self._disturbed(case.fault, np.random.default_rng(seed))
                 except DemoError as error:
                     newest = str(error).splitlines()[0]
-                return self._row(name, seed, newest)
+                return self._row(seed, newest)
+
+    def start_server(self) -> None:
+        """Start the arm."""
+        start_server(self.processes, FOLDER, self._address, SERVED_SKILL, self._case.speed)
+
+    def start_driver(self) -> None:
+        """Start the driver, on the arm or on the network before it."""
+        address = self._address if self._case.stall is None else loopback_address(network=True)
+        start_driver(self.processes, address, self._case.speed)
 
     def _disturbed(self, fault: Fault, random: np.random.Generator) -> None:
         probe = self.probe
         probe.prepare()
         probe.begin()
-        probe.wait(lambda: np.abs(probe.drive[7:]).max() > MOVING, "the arm in motion")
+        probe.wait(lambda: probe.fastest() > MOVING, "the arm in motion")
         until = probe.now() + random.uniform(0.0, 1.0)
         probe.wait(lambda: probe.now() > until, "the moment of the fault")
-        fault(self, random)
+        fault(self)
         # A lost connection stops the arm's own time.
         end, patience = probe.now() + WATCHED, time.monotonic() + 10.0 * WATCHED
         probe.wait(lambda: probe.now() > end or time.monotonic() > patience, "what comes of it")
 
-    def _row(self, name: str, seed: int, newest: str) -> Row:
+    def _row(self, seed: int, newest: str) -> Row:
         probe, log = self.probe, self.processes.log("franka")
         record = probe.recording
         return Row(
-            name, seed, "real" if self._speed == REAL else "own", record.arrived, len(probe.reflexes),
+            self._case.name, seed, "real" if self._case.speed == REAL else "own", record.arrived, probe.stops,
             1e3 * record.min_clearance if math.isfinite(record.min_clearance) else math.nan, _tracking(probe),
             log.count("refused a message on joint_trajectory"), probe.mode,
-            not probe.drive[7:].any(), newest or probe.said,
+            probe.stands(), newest or probe.said,
         )  # fmt: skip
 
-    def arm_process(self) -> int:
-        """The number of the process that commands the arm."""
-        driver = self.processes.number("franka")
-        return int(Path(f"/proc/{driver}/task/{driver}/children").read_text().split()[0])
+
+def start_network(processes: Processes, arm: str, stall: float) -> None:
+    """Start a network before an arm, which lets nothing pass for so long [s] at each SIGUSR1."""
+    module = "geodesic_motion_studies.hardware.stalling_network"
+    processes.run("network", [sys.executable, "-m", module, loopback_address(network=True), arm, str(stall)])
 
 
 def _tracking(probe: ServerProbe) -> float:
@@ -142,46 +170,37 @@ def _quiet(text: str) -> None:
     """What is waited for is not said."""
 
 
-def kill_planner(run: ServedRun, random: np.random.Generator) -> None:
+def kill_planner(run: ServedRun) -> None:
     """Kill the planner."""
     run.processes.end("planner", signal.SIGKILL)
 
 
-def kill_driver(run: ServedRun, random: np.random.Generator) -> None:
+def kill_driver(run: ServedRun) -> None:
     """Kill the node, not the process that it has started, and start another one."""
     run.processes.end("franka", signal.SIGKILL)
-    run.probe.mode = ""
-    start_driver(run.processes, loopback_address(), OWN)
+    run.probe.forget_driver()
+    run.start_driver()
     run.probe.wait(lambda: run.probe.mode not in ("", "CONNECTING"), "a new driver that hears the arm")
 
 
-def stall(duration: float) -> Fault:
-    """The fault that stops who commands the arm for so long [s]."""
-
-    def fault(run: ServedRun, random: np.random.Generator) -> None:
-        process = run.arm_process()
-        os.kill(process, signal.SIGSTOP)
-        time.sleep(duration)
-        os.kill(process, signal.SIGCONT)
-
-    return fault
+def kill_arm(run: ServedRun) -> None:
+    """Kill the arm's server, and start it again once the driver has noticed."""
+    run.processes.end("robot_server", signal.SIGKILL)
+    run.probe.wait(lambda: run.probe.mode == "CONNECTING", "the driver to notice")
+    run.start_server()
+    run.probe.wait(lambda: run.probe.mode != "CONNECTING", "the driver to hear the arm again")
 
 
-@dataclass(frozen=True)
-class Case:
-    """A run that can be repeated: by whose time, with or without sphere and avoidance, with which fault."""
-
-    name: str
-    speed: str
-    sphere: bool = False
-    avoidance: bool = True
-    fault: Fault | None = None
+def stall_network(run: ServedRun) -> None:
+    """Let nothing pass between driver and arm for a while."""
+    run.processes.send("network", signal.SIGUSR1)
 
 
 FAULTS = (
     Case("planner killed", OWN, fault=kill_planner),
     Case("driver killed", OWN, fault=kill_driver),
-    *(Case(f"network stalled for {1e3 * each:g} ms", REAL, fault=stall(each)) for each in STALLS),
+    Case("connection lost", OWN, fault=kill_arm),
+    *(Case(f"network stalled for {1e3 * each:g} ms", REAL, fault=stall_network, stall=each) for each in STALLS),
 )
 
 
@@ -203,21 +222,28 @@ def run_cases(
     demo = Demo(SERVED_SKILL, SCENE, out, False, domain, served=True)
     for number, (case, seed) in enumerate(chosen):
         folder = out / f"{number:03d}"
-        ended(ServedRun(folder, domain, case.speed, demo, case.sphere, case.avoidance).row(case.name, seed, case.fault))
+        ended(ServedRun(folder, domain, demo, case).row(seed))
+
+
+def _short(stop: str) -> str:
+    """The mode of a status, and what libfranka calls the reason, where it does."""
+    mode, _, text = stop.partition(":")
+    return " ".join([mode, *[word for word in text.replace(":", " ").split() if "_" in word][:1]])
 
 
 def table(rows: Sequence[Row]) -> str:
     """The rows as a table in Markdown."""
     lines = [
-        "| run | time | arrived [s] | reflexes | clearance [mm] | tracking [mrad] | refused | in the end |",
+        "| run | time | arrived [s] | stopped by | clearance [mm] | tracking [mrad] | refused | in the end |",
         "|---|---|---|---|---|---|---|---|",
     ]
     for row in rows:
         figures = (row.arrived, row.clearance, row.tracking)
         arrived, clearance, tracking = ("-" if math.isnan(figure) else f"{figure:.1f}" for figure in figures)
+        stops = ", ".join(dict.fromkeys(_short(stop) for stop in row.stops)) or "-"
         end = f"{row.mode}, {'at rest' if row.at_rest else 'in motion'}"
         lines.append(
-            f"| {row.name}, seed {row.seed} | {row.time} | {arrived} | {row.reflexes} | {clearance} | {tracking} | "
+            f"| {row.name}, seed {row.seed} | {row.time} | {arrived} | {stops} | {clearance} | {tracking} | "
             f"{row.refused} | {end} |"
         )
     return "\n".join(lines)

@@ -10,6 +10,7 @@ import os
 import signal
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +18,7 @@ import numpy as np
 import pytest
 from builtin_interfaces.msg import Duration
 from rclpy.qos import QoSProfile
+from rclpy.time import Time
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from geodesic_motion_ros.demo.demo_node import Demo
@@ -29,8 +31,13 @@ from geodesic_motion_ros.demo.server_probe import (
     start_planner,
     start_server,
 )
+from geodesic_motion_ros.hardware import fci_link
+from geodesic_motion_ros.hardware.drive_state import DriveMode
+from geodesic_motion_ros.hardware.drive_talk import Notice
+from geodesic_motion_ros.hardware.fci_link import FciLink
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.skill.skill import Skill
+from geodesic_motion_studies.hardware.served_runs import start_network
 
 REPOSITORY = Path(__file__).resolve().parents[3]
 SKILL, SPEED = "fr3_reach_to_grasp", "1.0"
@@ -50,21 +57,33 @@ pytestmark = pytest.mark.skipif(
 
 
 class Bench:
-    """A server, a driver, a probe of them, and on request a planner."""
+    """A server, a driver, a probe of them, and on request a planner.
 
-    def __init__(self, folder: Path, stack: ExitStack) -> None:
-        self._domain, self.address = int(os.environ["ROS_DOMAIN_ID"]), loopback_address()
+    speed : of the server. driver : "real" where the driver takes its time for real. stall : of a network between them
+        [s]; None: there is none.
+    """
+
+    def __init__(
+        self, folder: Path, stack: ExitStack, speed: str = SPEED, driver: str = SPEED, stall: float | None = None
+    ) -> None:
+        self._domain, self._address = int(os.environ["ROS_DOMAIN_ID"]), loopback_address()
         self.processes = stack.enter_context(Processes(folder, isolated_environment(self._domain)))
-        self._stack = stack
+        self._stack, self._speed, self._driver, self._stall = stack, speed, driver, stall
         self.start_server()
-        start_driver(self.processes, self.address, SPEED)
+        if stall is not None:
+            start_network(self.processes, self._address, stall)
+        self.start_driver()
 
     def start_server(self) -> None:
-        start_server(self.processes, REPOSITORY / FOLDER, self.address, SKILL, SPEED)
+        start_server(self.processes, REPOSITORY / FOLDER, self._address, SKILL, self._speed)
+
+    def start_driver(self) -> None:
+        address = self._address if self._stall is None else loopback_address(network=True)
+        start_driver(self.processes, address, self._driver)
 
     def probe(self, obstacle: Any = None) -> ServerProbe:
-        skill = Skill.load(SKILL)
-        probe = ServerProbe(self.processes, self._domain, skill, obstacle, print, simulated=True, patience=PATIENCE)
+        skill, simulated = Skill.load(SKILL), self._driver != "real"
+        probe = ServerProbe(self.processes, self._domain, skill, obstacle, print, simulated, PATIENCE)
         return self._stack.enter_context(probe)
 
     def plan(self, **parameters: Any) -> None:
@@ -81,9 +100,14 @@ class Bench:
 
 
 @pytest.fixture
-def bench(tmp_path: Path) -> Iterator[Bench]:
+def start_bench(tmp_path: Path) -> Iterator[Callable[..., Bench]]:
     with ExitStack() as stack:
-        yield Bench(tmp_path, stack)
+        yield partial(Bench, tmp_path, stack)
+
+
+@pytest.fixture
+def bench(start_bench: Callable[..., Bench]) -> Bench:
+    return start_bench()
 
 
 def disarmed(probe: ServerProbe) -> None:
@@ -94,15 +118,6 @@ def armed(probe: ServerProbe) -> None:
     disarmed(probe)
     probe.arm_driver()
     probe.wait(lambda: probe.mode == "FOLLOWING", "an arm that follows")
-
-
-def fastest(probe: ServerProbe) -> float:
-    """What the arm is commanded, of its fastest joint [rad/s]."""
-    return float(np.abs(probe.drive[7:]).max())
-
-
-def stands(probe: ServerProbe) -> bool:
-    return fastest(probe) == 0.0 and float(np.abs(probe.arm[:7] - probe.drive[:7]).max()) < NEAR
 
 
 def motion_message(start: np.ndarray, joint: int, angle: float, duration: float) -> JointTrajectory:
@@ -139,7 +154,7 @@ def test_the_goal_is_reached_without_a_reflex(bench: Bench) -> None:
     probe = bench.probe()
     recording = probe.run()
     assert np.isfinite(recording.arrived), recording.newest
-    assert not probe.reflexes
+    assert not probe.stops
     assert "refused" not in bench.log()
     times, commanded = np.array(probe.commanded_times), np.array(probe.commanded)[:, :7]
     # what was commanded between two messages never needed more than the arm's limits
@@ -152,7 +167,7 @@ def test_a_sphere_in_the_path_is_passed_by_the_elbow(bench: Bench, scene: Any) -
     probe = bench.probe(scene.obstacle)
     recording = probe.run()
     assert np.isfinite(recording.arrived), recording.newest
-    assert not probe.reflexes
+    assert not probe.stops
     assert recording.min_clearance > 0.0
     assert recording.contacts == 0
 
@@ -162,7 +177,7 @@ def test_without_avoidance_the_same_sphere_is_hit(bench: Bench, scene: Any) -> N
     probe = bench.probe(scene.obstacle)
     recording = probe.run()
     assert np.isfinite(recording.arrived), recording.newest
-    assert not probe.reflexes
+    assert not probe.stops
     assert recording.min_clearance < 0.0
 
 
@@ -171,13 +186,13 @@ def test_an_arm_whose_planner_is_killed_rests_on_its_path(bench: Bench) -> None:
     probe = bench.probe()
     probe.prepare()
     probe.begin()
-    probe.wait(lambda: fastest(probe) > 0.2, "the arm in motion")
+    probe.wait(lambda: probe.fastest() > 0.2, "the arm in motion")
     bench.processes.end("planner", signal.SIGKILL)
     place = probe.drive[:7]
-    probe.wait(lambda: stands(probe), "the arm at rest")
+    probe.wait(probe.stands, "the arm at rest")
     assert np.abs(probe.drive[:7] - place).max() > 0.02
     assert probe.mode == "FOLLOWING"
-    assert not probe.reflexes
+    assert not probe.stops
 
 
 def test_an_arm_whose_driver_is_killed_rests_and_its_motion_ends_in_order(bench: Bench) -> None:
@@ -185,17 +200,18 @@ def test_an_arm_whose_driver_is_killed_rests_and_its_motion_ends_in_order(bench:
     armed(probe)
     start = probe.drive[:7]
     message = motion_message(start, 0, 0.5, 2.0)
-    until_sent(probe, message, lambda: fastest(probe) > 0.2, "the arm in motion")
+    until_sent(probe, message, lambda: probe.fastest() > 0.2, "the arm in motion")
     orphan = bench.process_of_the_arm()
     bench.processes.end("franka", signal.SIGKILL)
     assert Path(f"/proc/{orphan}").exists()
     # a new driver finds the arm once the process of the old one is through
-    probe.mode, states = "", probe.states
-    start_driver(bench.processes, bench.address, SPEED)
+    probe.forget_driver()
+    states = probe.states
+    bench.start_driver()
     probe.wait(lambda: probe.mode and probe.states > states, "a new driver that hears the arm")
-    probe.wait(lambda: probe.mode == "DISARMED" and stands(probe), "an arm that stands, without a reflex")
+    probe.wait(lambda: probe.mode == "DISARMED" and probe.stands(), "an arm that stands, without a reflex")
     np.testing.assert_allclose(probe.arm[:7], start + 0.5 * np.eye(7)[0], atol=NEAR)
-    assert not probe.reflexes
+    assert not probe.stops
 
 
 def test_an_arm_that_is_not_armed_does_not_move_and_says_what_to_do(bench: Bench) -> None:
@@ -209,39 +225,39 @@ def test_an_arm_that_is_not_armed_does_not_move_and_says_what_to_do(bench: Bench
     until = probe.now() + 1.5
     probe.wait(lambda: probe.now() > until, "the time of the motion to pass")
     np.testing.assert_allclose(probe.arm[:7], place, atol=NEAR)
-    assert fastest(probe) == 0.0
+    assert probe.fastest() == 0.0
     # armed it follows the next one
     armed(probe)
-    until_sent(probe, message, lambda: fastest(probe) > 0.2, "the arm in motion")
-    probe.wait(lambda: stands(probe), "the arm at rest")
+    until_sent(probe, message, lambda: probe.fastest() > 0.2, "the arm in motion")
+    probe.wait(probe.stands, "the arm at rest")
     # disarmed in motion it goes on to rest, and follows nothing then
     back = motion_message(probe.drive[:7], 0, -0.3, 1.0)
-    until_sent(probe, back, lambda: fastest(probe) > 0.2, "the arm in motion")
+    until_sent(probe, back, lambda: probe.fastest() > 0.2, "the arm in motion")
     assert "goes on to rest" in probe.arm_driver(False)
     disarmed(probe)
     np.testing.assert_allclose(probe.arm[:7], place, atol=NEAR)
-    assert not probe.reflexes
+    assert not probe.stops
 
 
 def test_a_trajectory_that_steps_is_refused_with_the_figure_and_the_arm_goes_on(bench: Bench) -> None:
     probe = bench.probe()
     armed(probe)
     start = probe.drive[:7]
-    until_sent(probe, motion_message(start, 0, 0.5, 2.0), lambda: fastest(probe) > 0.2, "the arm in motion")
+    until_sent(probe, motion_message(start, 0, 0.5, 2.0), lambda: probe.fastest() > 0.2, "the arm in motion")
     # it begins where the arm stood: by now that is a step
     refused = "does not continue what is commanded: within a millisecond fr3_joint1 would have a"
     until_sent(probe, motion_message(start, 0, -0.5, 2.0), lambda: refused in bench.log(), "a refusal")
-    probe.wait(lambda: stands(probe), "the arm at rest")
+    probe.wait(probe.stands, "the arm at rest")
     np.testing.assert_allclose(probe.drive[:7], start + 0.5 * np.eye(7)[0], atol=1e-12)
     assert probe.mode == "FOLLOWING"
-    assert not probe.reflexes
+    assert not probe.stops
 
 
 def test_a_reflex_is_named_and_nothing_moves_before_an_operator_recovers_and_arms(bench: Bench) -> None:
     probe = bench.probe()
     armed(probe)
     message = motion_message(probe.drive[:7], 0, 0.5, 2.0)
-    until_sent(probe, message, lambda: fastest(probe) > 0.2, "the arm in motion")
+    until_sent(probe, message, lambda: probe.fastest() > 0.2, "the arm in motion")
     # who commands it falls silent for more than 20 milliseconds of the arm's time
     process = bench.process_of_the_arm()
     os.kill(process, signal.SIGSTOP)
@@ -259,9 +275,9 @@ def test_a_reflex_is_named_and_nothing_moves_before_an_operator_recovers_and_arm
     until_sent(probe, message, lambda: "the arm is not armed" in bench.log(), "a refusal")
     armed(probe)
     until_sent(
-        probe, motion_message(probe.drive[:7], 0, 0.2, 1.0), lambda: fastest(probe) > 0.1, "the arm in motion again"
+        probe, motion_message(probe.drive[:7], 0, 0.2, 1.0), lambda: probe.fastest() > 0.1, "the arm in motion again"
     )
-    probe.wait(lambda: stands(probe), "the arm at rest")
+    probe.wait(probe.stands, "the arm at rest")
 
 
 def test_a_lost_connection_is_found_again_and_needs_an_operator(bench: Bench) -> None:
@@ -274,7 +290,60 @@ def test_a_lost_connection_is_found_again_and_needs_an_operator(bench: Bench) ->
     bench.start_server()
     armed(probe)
     until_sent(
-        probe, motion_message(probe.drive[:7], 0, 0.2, 1.0), lambda: fastest(probe) > 0.1, "the arm in motion again"
+        probe, motion_message(probe.drive[:7], 0, 0.2, 1.0), lambda: probe.fastest() > 0.1, "the arm in motion again"
     )
-    probe.wait(lambda: stands(probe), "the arm at rest")
+    probe.wait(probe.stands, "the arm at rest")
     assert "no connection to the arm" in bench.log()
+
+
+def test_a_network_that_stalls_longer_than_a_connection_lives_ends_the_motion_for_good(
+    start_bench: Callable[..., Bench],
+) -> None:
+    bench = start_bench(stall=2.0)
+    probe = bench.probe()
+    armed(probe)
+    start = probe.drive[:7]
+    until_sent(probe, motion_message(start, 0, 0.5, 2.0), lambda: probe.fastest() > 0.2, "the arm in motion")
+    bench.processes.send("network", signal.SIGUSR1)
+    probe.wait(lambda: probe.mode == "CONNECTING", "the driver to notice")
+    disarmed(probe)
+    assert "held " in bench.processes.log("network")
+    probe.wait(probe.stands, "the arm at rest")
+    (stop,) = probe.stops
+    assert "no connection to the arm" in stop
+    # what came late moves nothing
+    place, until = probe.arm[:7], probe.now() + 2.0
+    assert np.abs(place - start).max() > NEAR
+    probe.wait(lambda: probe.now() > until, "the time of the motion to pass")
+    np.testing.assert_allclose(probe.arm[:7], place, atol=NEAR)
+
+
+def test_an_arm_that_is_armed_in_the_middle_of_a_motion_stands_until_another_one_and_says_why(bench: Bench) -> None:
+    probe = bench.probe()
+    armed(probe)
+    start = probe.drive[:7]
+    underway = motion_message(start, 0, 0.5, 2.0)
+    underway.header.stamp = Time(nanoseconds=round(1e9 * (probe.now() - 1.0))).to_msg()
+    refused = "the motion began before the arm was armed"
+    until_sent(probe, underway, lambda: refused in bench.log(), "a refusal")
+    assert probe.fastest() == 0.0
+    until_sent(probe, motion_message(start, 0, -0.3, 1.0), lambda: probe.fastest() > 0.1, "the arm in motion")
+    probe.wait(probe.stands, "the arm at rest")
+    assert not probe.stops
+
+
+def test_an_arm_that_is_slower_than_its_driver_s_clock_is_named(start_bench: Callable[..., Bench]) -> None:
+    probe = start_bench(speed="0.5", driver="real").probe()
+    armed(probe)
+    probe.wait(lambda: "its stamps are" in probe.said and "clock_from_robot" in probe.said, "the status to say so")
+
+
+def test_a_driver_that_is_to_end_does_not_say_that_it_will_try_again(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(fci_link, "_REST", PATIENCE)
+    heard: list[Notice] = []
+    # nobody is there, and the process hears that it is to end before it has noticed
+    link = FciLink(loopback_address(), "fr3", True, 0, heard.append, print)
+    link.start()
+    link.stop()
+    assert link.state().mode is DriveMode.ENDED
+    assert not heard
