@@ -92,11 +92,6 @@ class FciLink:
         self._process.wait(_REST)
         self._thread.join(1.0)
 
-    @property
-    def pid(self) -> int:
-        """The number of the process."""
-        return self._process.pid
-
     def state(self) -> DriveState:
         """Read the newest state of the arm."""
         return self._shared.read()

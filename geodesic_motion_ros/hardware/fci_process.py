@@ -20,7 +20,7 @@ import signal
 import sys
 import time
 from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from contextlib import suppress
 from multiprocessing.connection import Connection
 from typing import Any
 
@@ -31,7 +31,7 @@ from geodesic_motion_ros.hardware.command_stream import CommandStream, load_kern
 from geodesic_motion_ros.hardware.drive_state import SIZE, DriveMode, SharedState
 from geodesic_motion_ros.hardware.drive_talk import Notice, Request
 from geodesic_motion_ros.hardware.judged_commands import PERIOD
-from geodesic_motion_ros.hardware.reflexes import errors_of, explained
+from geodesic_motion_ros.hardware.reflexes import errors_of, explained, late_commands
 from geodesic_motion_ros.hardware.robot_clock import RobotClock
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.robot.limits import JointLimits
@@ -65,7 +65,7 @@ class FciProcess:
         self._robot_time: float | None = None
         self._robot: fci.Robot | None = None
         self._closing = False
-        self._lost = 0
+        self._lost, self._success = 0, 1.0
         self._said = ""
 
     def run(self) -> None:
@@ -99,7 +99,7 @@ class FciProcess:
         self._robot = None
         self._shared.write(DriveMode.CONNECTING, self._clock.now)
         reason = f"no connection to the arm at {self._address}: {_brief(error)}"
-        self._refuse_all(reason)  # so it hears that the node ends: then nothing is tried again
+        asked = list(self._requests())  # so it hears that the node ends: then nothing is tried again
         if self._closing and in_motion:
             self._tell("error", f"{reason}; it was lost before the arm rested, which then stops itself")
         elif not self._closing and reason != self._said:
@@ -107,12 +107,12 @@ class FciProcess:
             text = f"{reason}; tried again every {_RETRY:g} s; then it needs ~/arm anew"
             self._tell("error", text, mode=DriveMode.CONNECTING)
         until = time.monotonic() + _RETRY
-        while not self._closing and time.monotonic() < until:
-            self._refuse_all(reason, _LISTEN)
-
-    def _refuse_all(self, reason: str, patience: float = 0.0) -> None:
-        for request in self._requests(patience):
-            self._refuse(request, reason)
+        while not self._closing:
+            for request in asked:
+                self._refuse(request, reason)
+            if time.monotonic() > until:
+                return
+            asked = list(self._requests(_LISTEN))
 
     # ------------------------------------------------------------------ standing
 
@@ -127,35 +127,47 @@ class FciProcess:
             self._note(mode, state)
             for request in self._requests():
                 if request.kind == "arm" and mode is DriveMode.DISARMED:
-                    return self._begin(request)
+                    self._answer(request, True, "armed: the arm follows joint_trajectory from now on")
+                    return True
                 self._serve_standing(request, mode, state)
         return False
 
-    def _begin(self, request: Request) -> bool:
-        self._answer(request, True, "armed: the arm follows joint_trajectory from now on")
-        return True
-
     def _serve_standing(self, request: Request, mode: DriveMode, state: fci.RobotState) -> None:
         if request.kind == "recover" and mode is DriveMode.REFLEX:
-            with _reported(request, self):
+            try:
                 self._robot.automatic_error_recovery()
+            except (fci.CommandException, fci.ControlException) as error:
+                self._answer(request, False, _brief(error))
+            else:
                 self._answer(request, True, "recovered: the arm follows nothing before ~/arm")
         elif request.kind == "recover":
-            self._answer(request, False, f"nothing to recover from: {_standing(mode, state)}")
+            self._answer(request, False, f"nothing to recover from: {self._standing(mode, state)}")
         elif request.kind == "disarm":
             self._answer(request, True, "disarmed: the arm follows nothing")
         else:
-            self._refuse(request, _standing(mode, state))
+            self._refuse(request, self._standing(mode, state))
 
     def _say_mode(self, mode: DriveMode, state: fci.RobotState) -> None:
         kind = "info" if mode is DriveMode.DISARMED else "error"
-        self._tell(kind, _standing(mode, state), mode=mode)
+        self._tell(kind, self._standing(mode, state), mode=mode)
+
+    def _standing(self, mode: DriveMode, state: fci.RobotState) -> str:
+        """Say why the arm follows nothing, and what to do."""
+        if mode is DriveMode.DISARMED:
+            return "the arm is not armed: call ~/arm with data: true"
+        if mode is DriveMode.REFLEX:
+            names = errors_of(state.last_motion_errors) or errors_of(state.current_errors)
+            why = explained(names) + late_commands(self._success)
+            return f"the arm has stopped itself: {why}; then call ~/recover, and ~/arm"
+        if mode is DriveMode.USER_STOPPED:
+            return "the arm is stopped by its user: release the stop, or press the enabling device, then call ~/arm"
+        return f"the arm is in mode {state.robot_mode.name}: set it to execution and FCI in its Desk, then call ~/arm"
 
     # ------------------------------------------------------------------ following
 
     def _follow(self) -> None:
         """Command the arm until it is to rest and does, or stops itself."""
-        control = None
+        control, self._success = None, 1.0
         try:
             control = self._robot.start_joint_position_control(fci.ControllerMode.JointImpedance)
             self._play(control)
@@ -188,7 +200,8 @@ class FciProcess:
             control.writeOnce(command)
             mode = DriveMode.RESTING if resting else DriveMode.FOLLOWING
             arm = (state.q, state.dq, wanted[0], wanted[1])
-            self._shared.write(mode, now, arm, state.control_command_success_rate, self._lost)
+            self._success = state.control_command_success_rate
+            self._shared.write(mode, now, arm, self._success, self._lost)
             if finished:
                 return
             state, period = control.readOnce()
@@ -264,27 +277,6 @@ class FciProcess:
                 "no real-time priority is permitted (rtprio in /etc/security/limits.conf): a busy machine answers "
                 "the arm late, and it stops itself",
             )
-
-
-@contextmanager
-def _reported(request: Request, process: FciProcess) -> Iterator[None]:
-    """Answer a request that the arm refuses with why; what ends the connection goes on."""
-    try:
-        yield
-    except (fci.CommandException, fci.ControlException) as error:
-        process._answer(request, False, _brief(error))
-
-
-def _standing(mode: DriveMode, state: fci.RobotState) -> str:
-    """Say why the arm follows nothing, and what to do."""
-    if mode is DriveMode.DISARMED:
-        return "the arm is not armed: call ~/arm with data: true"
-    if mode is DriveMode.REFLEX:
-        names = errors_of(state.last_motion_errors) or errors_of(state.current_errors)
-        return f"the arm has stopped itself: {explained(names)}; then call ~/recover, and ~/arm"
-    if mode is DriveMode.USER_STOPPED:
-        return "the arm is stopped by its user: release the stop, or press the enabling device, then call ~/arm"
-    return f"the arm is in mode {state.robot_mode.name}: set it to execution and FCI in its Desk, then call ~/arm"
 
 
 def _brief(error: Exception) -> str:

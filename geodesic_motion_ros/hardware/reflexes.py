@@ -4,6 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+#: What a network and a machine that are good enough reach of commands that are in time.
+ENOUGH = 0.98
+
 _LIMITS = "lower speed_scale or acceleration_scale of what commands it"
 _STEP = "nothing but this driver may command the arm: look who else does; else report it, with the log"
 _CONTACT = "free the arm and look what it touched, look at the load that is set in Desk"
@@ -45,6 +48,18 @@ def explained(names: Sequence[str]) -> str:
         return "the arm stopped itself and does not say why: look at its Desk"
     return "; ".join(
         f"{name}: {what}; {remedy}" for name, (what, remedy) in ((name, REFLEXES.get(name, _UNKNOWN)) for name in names)
+    )
+
+
+def late_commands(success: float) -> str:
+    """Say what it means where too many commands were late before a reflex, else nothing; success : share of the last
+    100 that reached the arm in time.
+    """
+    if success >= ENOUGH:
+        return ""
+    return (
+        f"; before that {100.0 * (1.0 - success):.0f} of 100 commands did not reach it in time, and to an arm that goes "
+        "on by itself meanwhile the next one is a step: look at the network, and at what keeps this machine busy"
     )
 
 

@@ -2,9 +2,9 @@
 
 Repeats the demo's sphere with the skill fr3_reach_to_grasp, and counts arrivals and stops: by the arm's own time,
 which waits for who commands it, and by the machine's, where a busy machine is a reason for a reflex. Clearance is that
-of the arm's meshes at the joints that were measured. With --faults, in motion: planner, driver and arm are killed, and
-a network between driver and arm, a process on loopback, holds all packets for 20, 200 and 2000 ms. `make robot-server`
-installs the arm.
+of the arm's meshes at the joints that were measured. With --faults, in motion: planner and driver are killed, and a
+network between driver and arm, a process on loopback, is cut, and holds all packets for 20, 200 and 2000 ms. `make
+robot-server` installs the arm.
 """
 
 from __future__ import annotations

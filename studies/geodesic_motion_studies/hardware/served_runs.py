@@ -93,9 +93,9 @@ class ServedRun:
         """Run once; seed : of the moment of the fault."""
         case, scene = self._case, self._demo.scene
         with Processes(self._folder, isolated_environment(self._domain)) as self.processes:
-            self.start_server()
+            start_server(self.processes, FOLDER, self._address, SERVED_SKILL, case.speed)
             if case.stall is not None:
-                start_network(self.processes, self._address, case.stall)
+                self.start_network()
             self.start_driver()
             start_planner(
                 self.processes, case.speed,
@@ -117,9 +117,9 @@ class ServedRun:
                     newest = str(error).splitlines()[0]
                 return self._row(seed, newest)
 
-    def start_server(self) -> None:
-        """Start the arm."""
-        start_server(self.processes, FOLDER, self._address, SERVED_SKILL, self._case.speed)
+    def start_network(self) -> None:
+        """Start the network before the arm."""
+        start_network(self.processes, self._address, self._case.stall)
 
     def start_driver(self) -> None:
         """Start the driver, on the arm or on the network before it."""
@@ -183,11 +183,11 @@ def kill_driver(run: ServedRun) -> None:
     run.probe.wait(lambda: run.probe.mode not in ("", "CONNECTING"), "a new driver that hears the arm")
 
 
-def kill_arm(run: ServedRun) -> None:
-    """Kill the arm's server, and start it again once the driver has noticed."""
-    run.processes.end("robot_server", signal.SIGKILL)
+def cut_network(run: ServedRun) -> None:
+    """Take the network between driver and arm away, and bring it back once the driver has noticed."""
+    run.processes.end("network", signal.SIGKILL)
     run.probe.wait(lambda: run.probe.mode == "CONNECTING", "the driver to notice")
-    run.start_server()
+    run.start_network()
     run.probe.wait(lambda: run.probe.mode != "CONNECTING", "the driver to hear the arm again")
 
 
@@ -199,7 +199,7 @@ def stall_network(run: ServedRun) -> None:
 FAULTS = (
     Case("planner killed", OWN, fault=kill_planner),
     Case("driver killed", OWN, fault=kill_driver),
-    Case("connection lost", OWN, fault=kill_arm),
+    Case("connection lost", OWN, fault=cut_network, stall=0.0),
     *(Case(f"network stalled for {1e3 * each:g} ms", REAL, fault=stall_network, stall=each) for each in STALLS),
 )
 
