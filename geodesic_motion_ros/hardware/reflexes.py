@@ -58,8 +58,8 @@ def late_commands(success: float) -> str:
     if success >= ENOUGH:
         return ""
     return (
-        f"; before that {100.0 * (1.0 - success):.0f} of 100 commands did not reach it in time, and to an arm that goes "
-        "on by itself meanwhile the next one is a step: look at the network, and at what keeps this machine busy"
+        f"; before that {100.0 * (1.0 - success):.0f} of 100 commands did not reach it in time, and to an arm that "
+        "goes on by itself meanwhile the next one is a step: look at the network, and at what keeps this machine busy"
     )
 
 
