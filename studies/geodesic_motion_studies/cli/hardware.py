@@ -29,7 +29,9 @@ def add_command(commands: argparse._SubParsersAction) -> None:
     parser.add_argument("--runs", type=int, default=10, metavar="N", help="around the sphere, in the arm's own time")
     parser.add_argument("--real", type=int, default=0, metavar="N", help="around the sphere, in real time")
     parser.add_argument("--control", type=int, default=1, metavar="N", help="with avoidance off: they must hit")
-    parser.add_argument("--faults", action="store_true", help="the faults, once each")
+    parser.add_argument(
+        "--faults", type=int, nargs="?", default=0, const=1, metavar="N", help="so many times each fault; once without N"
+    )
     parser.add_argument("--out", type=Path, default=Path("out/hardware"), metavar="OUT", help="folder for logs")
     parser.add_argument(
         "--domain", type=int, choices=range(1, 102), metavar="1..101", default=1 + os.getpid() % 101,

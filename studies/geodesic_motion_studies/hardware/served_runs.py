@@ -204,13 +204,15 @@ FAULTS = (
 )
 
 
-def cases(own: int, real: int, control: int, faults: bool) -> list[tuple[Case, int]]:
-    """Runs with their seeds: so many with the sphere by the arm's own time and by the machine's, without avoidance."""
+def cases(own: int, real: int, control: int, faults: int) -> list[tuple[Case, int]]:
+    """Runs with their seeds: so many with the sphere by the arm's own time and by the machine's, without avoidance, and
+    of each fault.
+    """
     wanted = [
         (Case("sphere", OWN, sphere=True), own),
         (Case("sphere", REAL, sphere=True), real),
         (Case("sphere, avoidance off", OWN, sphere=True, avoidance=False), control),
-        *((case, 1) for case in FAULTS if faults),
+        *((case, faults) for case in FAULTS),
     ]
     return [(case, seed) for case, count in wanted for seed in range(count)]
 
