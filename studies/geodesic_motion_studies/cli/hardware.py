@@ -30,7 +30,7 @@ def add_command(commands: argparse._SubParsersAction) -> None:
     parser.add_argument("--real", type=int, default=0, metavar="N", help="around the sphere, in real time")
     parser.add_argument("--control", type=int, default=1, metavar="N", help="with avoidance off: they must hit")
     parser.add_argument(
-        "--faults", type=int, nargs="?", default=0, const=1, metavar="N", help="so many times each fault; once without N"
+        "--faults", type=int, nargs="?", default=0, const=1, metavar="N", help="each fault so often; once without N"
     )
     parser.add_argument("--out", type=Path, default=Path("out/hardware"), metavar="OUT", help="folder for logs")
     parser.add_argument(
