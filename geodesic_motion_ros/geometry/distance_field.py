@@ -72,7 +72,7 @@ class DistanceField(NamedTuple):
         if not len(points):
             return cls.none()
         lower, upper = corners(points)
-        edge = max(edge, float(np.prod(upper - lower + 2.0 * (REACH + edge)) / _MOST_CUBES) ** (1.0 / 3.0))
+        edge = _edge(lower, upper, edge)
         margin = math.ceil(REACH / edge) + 1
         # Middles at whole multiples of the edge: a scene that stands has the same cubes in every cloud.
         first = np.rint(lower / edge).astype(np.int64) - margin
@@ -81,6 +81,20 @@ class DistanceField(NamedTuple):
         to_cubes = np.column_stack([np.eye(3) / edge, -first])
         surface = radius + 0.5 * math.sqrt(3.0) * edge
         return cls(squares, np.concatenate([to_cubes.ravel(), [edge, surface, thickness]]))
+
+    @classmethod
+    def of_cubes(cls, places: np.ndarray, edge: float, radius: float, thickness: float) -> DistanceField:
+        """From cubes at places (n, 3), whole multiples of their edge [m], each of which stands for all points in it.
+
+        radius, thickness : as of `of`.
+        """
+        if not len(places):
+            return cls.none()
+        middles = edge * places
+        if _edge(*corners(middles), edge) > edge:
+            # Middles of larger cubes are not those of these.
+            radius += 0.5 * math.sqrt(3.0) * edge
+        return cls.of(middles, edge, radius, thickness)
 
     def same_as(self, other: DistanceField) -> bool:
         """Whether another is the same field at the same place: of the same cloud, not of one that is alike."""
@@ -127,6 +141,11 @@ class DistanceField(NamedTuple):
         return DistanceField(self.squares, np.concatenate([moved.ravel(), self.placing[12:]]))
 
 
+def _edge(lower: np.ndarray, upper: np.ndarray, edge: float) -> float:
+    """Return an edge of cubes [m], or the smallest with which there are not too many around corners (3,) [m]."""
+    return max(edge, float(np.prod(upper - lower + 2.0 * (REACH + edge)) / _MOST_CUBES) ** (1.0 / 3.0))
+
+
 _NONE = DistanceField(np.empty((0, 0, 0), dtype=np.float32), np.zeros(15))
 
 
@@ -147,11 +166,16 @@ def _squares(points: np.ndarray, first: np.ndarray, shape: np.ndarray, edge: flo
             line[: shape[1]] = result[i, :, k]
             if _lower_envelope(line, shape[1], most, best, at, begins):
                 result[i, :, k] = best[: shape[1]]
+    # Along the first axis the next number of a line is far away in memory: slices are copied, and worked on at once.
+    slice_ = np.empty((shape[2], shape[0]), dtype=np.float32)
     for j in range(shape[1]):
+        for i in range(shape[0]):
+            slice_[:, i] = result[i, j]
         for k in range(shape[2]):
-            line[: shape[0]] = result[:, j, k]
-            if _lower_envelope(line, shape[0], most, best, at, begins):
-                result[:, j, k] = best[: shape[0]]
+            if _lower_envelope(slice_[k], shape[0], most, best, at, begins):
+                slice_[k] = best[: shape[0]]
+        for i in range(shape[0]):
+            result[i, j] = slice_[:, i]
     return result
 
 
@@ -160,8 +184,8 @@ def _occupied(points: np.ndarray, first: np.ndarray, shape: np.ndarray, edge: fl
     """0 for the cubes that hold points (n, 3) [m], `most` for the others."""
     result = np.full((shape[0], shape[1], shape[2]), np.float32(most))
     for n in range(len(points)):
-        i, j, k = round(points[n, 0] / edge), round(points[n, 1] / edge), round(points[n, 2] / edge)
-        result[i - first[0], j - first[1], k - first[2]] = 0.0
+        i, j, k = np.rint(points[n, 0] / edge), np.rint(points[n, 1] / edge), np.rint(points[n, 2] / edge)
+        result[int(i) - first[0], int(j) - first[1], int(k) - first[2]] = 0.0
     return result
 
 

@@ -14,14 +14,15 @@ from typing import Any
 @dataclass(frozen=True)
 class CloudFigures:
     """The figures of the newest cloud: its points that count, those without a place, those out of reach, those of the
-    arm, how many are remembered, its clusters that may move, and the time [s] that reading it and making its field
-    took, without the wait for a joint state.
+    arm and of the declared scene; how many cubes are remembered, how many clusters it has, and the time [s] that
+    reading it and making its field took, without the wait for a joint state.
     """
 
     points: int = 0
     not_finite: int = 0
     out_of_reach: int = 0
     of_arm: int = 0
+    of_scene: int = 0
     remembered: int = 0
     clusters: int = 0
     duration: float = 0.0

@@ -371,7 +371,7 @@ PLANNER = (
     ),
     Parameter(
         "obstacle_cloud_radius",
-        0.02,
+        0.005,
         "Radius around every point of `obstacle_cloud`",
         "m",
         0.001,

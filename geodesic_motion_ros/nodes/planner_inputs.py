@@ -20,6 +20,7 @@ from visualization_msgs.msg import Marker, MarkerArray
 from geodesic_motion_ros.contract.status import Refusal, VerdictCode
 from geodesic_motion_ros.geometry.point_clouds import MOMENT
 from geodesic_motion_ros.geometry.pose import Pose
+from geodesic_motion_ros.geometry.shapes import no_solids
 from geodesic_motion_ros.nodes.arm_state import ArmState
 from geodesic_motion_ros.nodes.arming import Arming
 from geodesic_motion_ros.nodes.cloud_thread import CloudFigures, CloudThread
@@ -56,7 +57,7 @@ from geodesic_motion_ros.planning.mission import GoalRequest
 from geodesic_motion_ros.robot.collision_model import CollisionModel
 from geodesic_motion_ros.robot.held_objects import HeldObject
 from geodesic_motion_ros.robot.kinematics import Robot
-from geodesic_motion_ros.robot.self_filter import Remembered, SelfFilter
+from geodesic_motion_ros.robot.self_filter import SelfFilter
 from geodesic_motion_ros.utils.errors import RobotError
 
 # A joint state that was lost is replaced by the next one. The queue is short, but a message to be refused must not push
@@ -85,7 +86,8 @@ class PlannerInputs:
     frames : tells where frames other than the base frame stand.
     arming : whether the arm may be commanded.
     arm : what the joint states say. drive : what the arm's drive says that it commands.
-    tracking_error : how far the arm may be from where it is taken to be [m]; who knows it sets it.
+    tracking_error : how far the arm may be from where it is taken to be [m]; declared : (b, 16) solids of the declared
+        scene, which are taken out of clouds; who knows them sets them.
     """
 
     def __init__(
@@ -131,7 +133,8 @@ class PlannerInputs:
         self._cloud_figures = CloudFigures()
         self.tracking_error = 0.0
         self._self_filter = SelfFilter(robot, CollisionModel.named(skill_robot))
-        self._remembered = Remembered.nothing()
+        self.declared = no_solids()
+        self._seen: SeenCloud | None = None
         self._stopped = threading.Event()
         self._cloud_thread = CloudThread(self._see_cloud, self._take_cloud, self._cloud_failed)
         for topic, receive in (("joint_states", self.on_joint_states), (DRIVE_TOPIC, self.on_drive)):
@@ -277,7 +280,7 @@ class PlannerInputs:
         with self._lock:
             count = len(self._tracker.current(self.time.running()))
             self._tracker.clear()
-            self._remembered = Remembered.nothing()
+            self._seen = None
         return count
 
     def _subscribe(self, kind: type, topic: str, take: Callable[[Any], None], qos: QoSProfile) -> None:
@@ -473,13 +476,13 @@ class PlannerInputs:
                 self._parameters["self_filter_padding"] + self.tracking_error,
             )  # fmt: skip
             with self._lock:
-                held, before = self._held, self._remembered
+                held, before = self._held, self._seen
             seen = see_cloud(
-                points, self._robot, self._self_filter, joints, held, settings, taken, before, viewpoint
+                points, self._self_filter, joints, held, self.declared, settings, taken, before, viewpoint
             )
             figures = CloudFigures(
-                seen.points, not_finite, seen.out_of_reach, seen.of_arm, seen.remembered, len(seen.clusters),
-                time.monotonic() - began,
+                seen.points, not_finite, seen.out_of_reach, seen.of_arm, seen.of_scene, seen.remembered,
+                len(seen.clusters), time.monotonic() - began,
             )  # fmt: skip
             if seen.field.edge > edge:
                 self._node.get_logger().warning(
@@ -517,12 +520,12 @@ class PlannerInputs:
         lifetime = self._parameters["obstacle_lifetime"]
         with self._lock:
             # What was an obstacle may be in the hand.
-            moment = MOMENT if seen.memory.held == self._remembered.held else 0.0
+            moment = MOMENT if self._seen is None or seen.held == self._seen.held else 0.0
             taken = self._tracker.replace_cloud(
                 "obstacle_cloud", seen.field, *heard, lifetime, seen.clusters, seen.around, moment
             )
             if taken:
-                self._cloud_figures, self._remembered = figures, seen.memory
+                self._cloud_figures, self._seen = figures, seen
         self._count_overtaken("obstacle_cloud", taken)
         self._obstacles_changed()
 

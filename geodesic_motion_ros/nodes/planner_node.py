@@ -80,6 +80,7 @@ class PlannerNode(LoopingNode):
             self._died, self._tool_poses, self._plan, self._obstacles_changed,
         )  # fmt: skip
         self.inputs, self.outputs, self.loop = self.face.inputs, self.face.outputs, self.face.loop
+        self.inputs.declared = self.planner.scene.solids
         self.face.draw_path(self._draw_markers)
         self.face.draw_latent(lambda size: latent_view(self.planner, skill, size))
 

@@ -1,24 +1,24 @@
-"""What a point cloud shows: the arm taken out of it, what may move as clusters, and the rest as a distance field."""
+"""What a point cloud shows: the arm and the declared scene taken out of it, what moves as clusters, and what stands as
+a distance field.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from geodesic_motion_ros.geometry.clusters import Cluster, split_cloud
+from geodesic_motion_ros.geometry.clusters import Cluster
 from geodesic_motion_ros.geometry.distance_field import REACH, DistanceField
-from geodesic_motion_ros.geometry.point_clouds import points_within
+from geodesic_motion_ros.geometry.shapes import solid_distances
+from geodesic_motion_ros.obstacles.cloud_memory import CloudMemory
+from geodesic_motion_ros.obstacles.things import find_things
 from geodesic_motion_ros.robot.held_objects import HeldObject
-from geodesic_motion_ros.robot.kinematics import Robot
-from geodesic_motion_ros.robot.self_filter import FilteredCloud, Remembered, SelfFilter
+from geodesic_motion_ros.robot.self_filter import SelfFilter
 
-#: What hangs together and is larger than such a radius [m] stands; of so many clusters, the largest, motion is looked
-#: for: planning takes its time for each.
-LARGEST_CLUSTER, MOST_CLUSTERS = 0.25, 16
-#: The arm's body extends so far beyond the tool's origin at most [m].
-_BEYOND_TOOL = 0.2
+#: Of no arm.
+NO_SPHERES = np.zeros((0, 3)), np.zeros(0)
 
 
 @dataclass(frozen=True)
@@ -39,9 +39,11 @@ class SeenCloud:
 
     Attributes
     ----------
-    field : of what stands. clusters : of what may move, with spheres of a radius `around` their points [m].
-    points : how many count. out_of_reach, of_arm : how many do not. remembered : how many are from before.
-    memory : for the next cloud.
+    field : of what stands. clusters : what hangs together and is small, with spheres of a radius `around` their points
+        [m] where it moves.
+    points : how many count. out_of_reach, of_arm, of_scene : how many do not. remembered : of how many cubes is known
+        from before.
+    memory : for the next cloud. held : what the hand held.
     """
 
     field: DistanceField
@@ -50,27 +52,22 @@ class SeenCloud:
     points: int
     out_of_reach: int
     of_arm: int
+    of_scene: int
     remembered: int
-    memory: Remembered
-
-
-def points_near(points: np.ndarray, robot: Robot) -> np.ndarray:
-    """Return those of points (n, 3) [m] in the base frame to which a distance field tells distances from the arm's
-    body.
-    """
-    return points_within(np.ascontiguousarray(points), robot.shoulder, robot.reach + _BEYOND_TOOL + REACH)
+    memory: CloudMemory
+    held: tuple[HeldObject, ...]
 
 
 def see_cloud(
     points: np.ndarray,
-    robot: Robot,
     arm: SelfFilter,
     joints: np.ndarray | None,
     held: Sequence[HeldObject],
+    solids: np.ndarray,
     settings: CloudSettings,
     time: float,
-    before: Remembered,
-    viewpoint: np.ndarray | None = None,
+    before: SeenCloud | None,
+    eye: np.ndarray | None = None,
 ) -> SeenCloud:
     """Read a cloud.
 
@@ -78,20 +75,35 @@ def see_cloud(
     ----------
     points : (n, 3) [m], finite, in the base frame.
     joints : (eta,) [rad] measured when it was taken; None where it does not show the arm.
-    held : what the hand holds.
-    time : when it was taken [s]. before : what the cloud before has left in memory.
-    viewpoint : (3,) [m] where the camera stands; None where that is unknown.
+    held : what the hand holds. Where it held something else before, nothing is remembered: what was an obstacle may be
+        in the hand.
+    solids : (b, 16) of the declared scene, which is known without a camera.
+    time : when it was taken [s]. before : what the cloud before has shown.
+    eye : (3,) [m] where the camera stands; None where that is unknown.
     """
-    near = points_near(points, robot)
-    filtered = FilteredCloud(near, 0, 0, Remembered.nothing())
+    edge, held = settings.voxel, tuple(held)
+    grid, spheres = arm.grid(edge, REACH), NO_SPHERES
     if joints is not None:
-        filtered = arm.remove(near, joints, held, settings.padding, settings.voxel, time, before)
-    # What is remembered stays where it was, whatever the cluster does that it may have been of.
-    new = len(filtered.points) - filtered.remembered
-    split = split_cloud(filtered.points[:new], settings.voxel, LARGEST_CLUSTER, MOST_CLUSTERS, viewpoint)
-    standing = np.concatenate([split.rest, filtered.points[new:]]) if filtered.remembered else split.rest
-    field = DistanceField.of(standing, settings.voxel, settings.radius, settings.thickness)
+        centres, radii = arm.spheres(joints, held)
+        spheres = centres, radii + settings.padding
+    cloud = arm.sort(points, spheres, grid, eye)
+    unknown = solid_distances(cloud.means, solids) > settings.padding
+
+    memory = CloudMemory.nothing(edge)
+    if before is not None and (before.memory.edge, before.held) == (edge, held) and before.memory.time <= time:
+        memory = before.memory
+    recalled = memory.recall(cloud.places[unknown], cloud.means[unknown], time, grid, cloud.sight)
+    # What touches the arm may be of the arm, which hides it from the camera as long as it stays.
+    of_arm = recalled.hidden & arm.touches(recalled.unseen.means, spheres, edge)
+    unseen = recalled.unseen.only(~of_arm)
+    things = find_things(recalled.seen, unseen.only(unseen.stands), grid)
+
+    seen = replace(recalled.seen, stands=~things.moves[things.of_seen])
+    number = np.where(unknown, np.cumsum(unknown) - 1, -1)[cloud.of_point]
+    field = DistanceField.of_cubes(things.field_places, edge, settings.radius, settings.thickness)
+    counting = int(np.count_nonzero(number >= 0))
     return SeenCloud(
-        field, split.clusters, settings.radius, len(filtered.points), len(points) - len(near), filtered.of_arm,
-        filtered.remembered, filtered.memory,
+        field, things.clusters(cloud.points, number, eye), settings.radius, counting, cloud.out_of_reach, cloud.of_arm,
+        len(cloud.points) - counting, len(things.cubes) - len(seen),
+        CloudMemory(edge, seen.beside(unseen), time, cloud.sight), held,
     )  # fmt: skip

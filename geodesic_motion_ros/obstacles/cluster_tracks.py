@@ -44,7 +44,13 @@ class _Thing:
         self._sizes: deque[tuple[float, Vector]] = deque()
         # Spheres (k, 4) around the place [m], the radius that holds them all, and when they were seen [s].
         self._spheres, self._radius, self._spheres_seen = np.zeros((0, 4)), 0.0, -math.inf
+        self._stands = False
         self.seen = -math.inf
+
+    @property
+    def moves(self) -> bool:
+        """Whether it has a velocity that counts."""
+        return not self._stands and self.obstacle.newest.moves
 
     def mismatch(self, cluster: Cluster, time: float) -> float:
         """How far a cluster at a time [s] is from where this one is expected [m]; inf where it is another one."""
@@ -60,15 +66,21 @@ class _Thing:
             self._sizes.popleft()
         centre = self._placed(cluster, time)
         self._sizes.append((time, cluster.half))
-        spheres = cluster.spheres - np.array([*centre, -around])
-        if time > self._spheres_seen + SIZE_MEMORY or not _hold(self._spheres, spheres):
-            self._spheres, self._spheres_seen = spheres, time
+        place = np.zeros(3) if cluster.stands else centre
+        spheres = cluster.spheres - np.array([*place, -around])
+        same = cluster.stands == self._stands and time <= self._spheres_seen + SIZE_MEMORY
+        if not (same and _hold(self._spheres, spheres)):
+            self._spheres, self._spheres_seen, self._stands = spheres, time, cluster.stands
             self._radius = float(np.max(np.linalg.norm(spheres[:, :3], axis=1) + spheres[:, 3]))
         self.obstacle.see(Track(centre, self._radius, arrival, taken, math.inf), time, noise)
         self.seen = arrival
 
     def places(self, now: float, most: int) -> Iterator[Place]:
         """Where each of its spheres may be; most : as of `Track.places`."""
+        if self._stands:
+            for x, y, z, radius in self._spheres.tolist():
+                yield Place((x, y, z), radius, None, (0.0, 0.0, 0.0), 0.0, self.obstacle.newest.since)
+            return
         for place in self.obstacle.places(now, max(1, most // len(self._spheres))):
             larger = place.radius - self._radius
             for x, y, z, radius in self._spheres.tolist():
@@ -149,7 +161,7 @@ class ClusterTracks:
 
     def moving(self) -> int:
         """How many move."""
-        return sum(thing.obstacle.newest.moves for thing in self._things)
+        return sum(thing.moves for thing in self._things)
 
     def places(self, now: float, most: int) -> Iterator[tuple[int, Place]]:
         """Everywhere they may be, each with its number; most : as of `Track.places`."""

@@ -1,14 +1,12 @@
-"""SelfFilter: takes the arm, and what it holds, out of a point cloud that a camera has seen.
+"""SelfFilter: sorts a cloud that a camera has seen into cubes, without the arm and what it holds.
 
-The arm is the spheres of its collision model at the measured joints. Points are sorted into cubes first: a cube that
-lies outside of all padded spheres, or inside one of them, is judged once, and in the others every point is.
-
-What comes into the padding looks like the arm. So points that were outside and touch the padded arm
-now are remembered for a moment.
+The arm is the spheres of its collision model at the measured joints. A cube that lies outside of all padded spheres, or
+inside one of them, is judged once, and in the others every point is.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
@@ -16,54 +14,37 @@ from functools import lru_cache
 import numba
 import numpy as np
 
-from geodesic_motion_ros.geometry.point_clouds import MOMENT
+from geodesic_motion_ros.geometry.line_of_sight import NEAREST, LineOfSight, square_of
+from geodesic_motion_ros.geometry.voxels import NUMBERS, VoxelGrid
 from geodesic_motion_ros.robot.collision_model import CollisionModel
 from geodesic_motion_ros.robot.held_objects import HeldObject
 from geodesic_motion_ros.robot.kinematics import MATRIX, VECTOR, Robot
 
-#: Points that are not farther from the padded arm [m] may touch it at the next cloud: 1 m/s at 10 clouds a second.
-_AROUND = 0.1
-#: Cubes are made larger where there would be more.
-_MOST_CUBES = 1_000_000
-#: Kinds of cubes: not looked at yet; outside of all padded spheres; inside one; neither. A cube that holds points
-#: outside has `_SEEN` added.
-_UNKNOWN, _OUTSIDE, _INSIDE, _PARTLY, _SEEN = 0, 1, 2, 3, 4
+#: What a cube that has no number is: not looked at yet; inside of a padded sphere; outside of all; neither.
+_UNKNOWN, _INSIDE, _OUTSIDE, _PARTLY = 0, -1, -2, -3
+#: The arm's body extends so far beyond the tool's origin at most [m].
+_BEYOND_TOOL = 0.2
 
 
 @dataclass(frozen=True, eq=False)
-class Remembered:
-    """Points outside of the arm, one of each cube around it.
+class SortedCloud:
+    """A cloud in cubes, without the arm and what is out of its reach.
 
     Attributes
     ----------
-    points : (m, 3) [m] in the base frame. seen : (m,) when they were last seen [s].
-    held : what the hand held.
+    points : (k, 3) [m] that are left. of_point : (k,) numbers of their cubes.
+    places : (v, 3) of the cubes in the grid. means : (v, 3) [m] of their points.
+    sight : what the camera sees, the arm too.
+    out_of_reach, of_arm : how many points are left out.
     """
 
     points: np.ndarray
-    seen: np.ndarray
-    held: tuple[HeldObject, ...] = ()
-
-    @classmethod
-    def nothing(cls) -> Remembered:
-        return cls(np.zeros((0, 3)), np.zeros(0))
-
-
-@dataclass(frozen=True, eq=False)
-class FilteredCloud:
-    """A cloud without the arm.
-
-    Attributes
-    ----------
-    points : (k, 3) [m] those outside of the arm, then those that are remembered.
-    of_arm : how many were dropped. remembered : how many points are remembered.
-    memory : for the next cloud.
-    """
-
-    points: np.ndarray
+    of_point: np.ndarray
+    places: np.ndarray
+    means: np.ndarray
+    sight: LineOfSight
+    out_of_reach: int
     of_arm: int
-    remembered: int
-    memory: Remembered
 
 
 class SelfFilter:
@@ -81,63 +62,48 @@ class SelfFilter:
         model = self._holding(tuple(held))
         return model.positions(self._robot, joints[None])[0], model.radii
 
-    def remove(
-        self,
-        points: np.ndarray,
-        joints: np.ndarray,
-        held: Sequence[HeldObject],
-        padding: float,
-        edge: float,
-        time: float,
-        before: Remembered,
-    ) -> FilteredCloud:
-        """Drop the points within the padded arm, and add what touches it and was seen a moment ago.
+    def grid(self, edge: float, beyond: float) -> VoxelGrid:
+        """Make the grid of cubes with an edge [m] that holds all that is so far [m] beyond the arm's body at most."""
+        return VoxelGrid.around(self._robot.shoulder, self._robot.reach + _BEYOND_TOOL + beyond, edge)
 
-        Where the hand holds something else than before, nothing is remembered: what was an obstacle may be in the hand.
+    @staticmethod
+    def touches(points: np.ndarray, spheres: tuple[np.ndarray, np.ndarray], by: float) -> np.ndarray:
+        """Tell which points (m, 3) [m] are in spheres, or no farther from one than so much [m]: (m,) bool."""
+        return _touching(np.ascontiguousarray(points), spheres[0], spheres[1] + by)
+
+    def sort(
+        self, points: np.ndarray, spheres: tuple[np.ndarray, np.ndarray], grid: VoxelGrid, eye: np.ndarray | None
+    ) -> SortedCloud:
+        """Sort points (n, 3) [m], finite, in the base frame.
 
         Parameters
         ----------
-        points : (n, 3) [m], finite, in the base frame.
-        joints : (eta,) [rad] that were measured when the cloud was taken.
-        padding : the spheres are so much larger [m].
-        edge : of the cubes [m]. Of what is remembered one point is kept in each, and what is not farther than that from
-            the padding touches it.
-        time : when the cloud was taken [s].
-        before : what the cloud before has left in memory.
+        spheres : centres (S, 3), radii (S,) [m]; what is in them is dropped. None of them: no cloud shows the arm.
+        grid : what is farther from its centre than its radius is out of reach.
+        eye : (3,) [m] where they were seen from; None where that is unknown.
         """
-        points, held = np.ascontiguousarray(points), tuple(held)
-        centres, radii = self.spheres(joints, held)
-        padded = radii + padding
-        lower = np.min(centres - padded[:, None], axis=0) - _AROUND
-        sides = np.max(centres + padded[:, None], axis=0) + _AROUND - lower
-        edge = max(edge, float(np.cbrt(np.prod(sides) / _MOST_CUBES)))
-        cubes = np.zeros(tuple(np.ceil(sides / edge).astype(int)), dtype=np.uint8)
-        kept, new = _outside(points, centres, padded, lower, edge, cubes)
-        still = (before.seen >= time - MOMENT) & (before.seen <= time) & (before.held == held)
-        candidates, seen = before.points[still], before.seen[still]
-        touching = _touching(candidates, centres, padded + edge, lower, edge, cubes)
-        remembered, seen = candidates[touching], seen[touching]
-        memory = Remembered(np.concatenate([kept[new], remembered]), np.append(np.full(len(new), time), seen), held)
-        whole = np.concatenate([kept, remembered]) if len(remembered) else kept
-        return FilteredCloud(whole, len(points) - len(kept), len(remembered), memory)
-
-
-@numba.njit(cache=True, nogil=True, inline="always")
-def _cube(x, y, z, lower, edge, cubes):
-    """Find the numbers of the cube around a point; -1 where there is none."""
-    a, b, c = (x - lower[0]) / edge, (y - lower[1]) / edge, (z - lower[2]) / edge
-    if 0.0 <= a < cubes.shape[0] and 0.0 <= b < cubes.shape[1] and 0.0 <= c < cubes.shape[2]:
-        return int(a), int(b), int(c)
-    return -1, -1, -1
+        centres, radii = spheres
+        sight = LineOfSight.blank(eye)
+        corners = np.zeros((2, 3))
+        if len(radii):
+            corners[0], corners[1] = np.min(centres - radii[:, None], axis=0), np.max(centres + radii[:, None], axis=0)
+        kept, of_point, places, sums, counts, near = _sort(
+            np.ascontiguousarray(points), np.ascontiguousarray(centres), np.ascontiguousarray(radii), corners,
+            np.asarray(grid.centre, dtype=float), grid.radius, grid.edge, grid.numbers(), grid.first, sight.eye,
+            sight.nearest,
+        )  # fmt: skip
+        return SortedCloud(
+            kept, of_point, places, sums / counts[:, None], sight, len(points) - near, near - len(kept)
+        )
 
 
 @numba.njit(cache=True, nogil=True)
-def _kind(middle, centres, radii, half):
+def _kind(x, y, z, centres, radii, half):
     """Classify a cube with a middle (x, y, z), all of which is within `half` [m] of that."""
     kind = _OUTSIDE
     for s in range(len(radii)):
-        x, y, z = middle[0] - centres[s, 0], middle[1] - centres[s, 1], middle[2] - centres[s, 2]
-        square = x * x + y * y + z * z
+        a, b, c = x - centres[s, 0], y - centres[s, 1], z - centres[s, 2]
+        square = a * a + b * b + c * c
         if radii[s] >= half and square <= (radii[s] - half) ** 2:
             return _INSIDE
         if square <= (radii[s] + half) ** 2:
@@ -156,44 +122,71 @@ def _is_inside(x, y, z, centres, radii):
 
 
 # Written signatures: compiled at the first import, not with the first cloud.
-_CUBES = numba.types.Array(numba.uint8, 3, "C")
-
-
-@numba.njit((MATRIX, MATRIX, VECTOR, VECTOR, numba.float64, _CUBES), cache=True, nogil=True)
-def _outside(points, centres, radii, lower, edge, cubes):
-    """Copy those of points (n, 3) that are outside of all spheres, and number one of them in each cube: (k, 3), (m,).
-
-    lower : (3,) corner of the cubes (x, y, z), whose kinds are written.
-    """
-    kept, count = np.empty_like(points), 0
-    chosen, different = np.empty(min(len(points), cubes.size), dtype=np.int64), 0
-    half = 0.5 * np.sqrt(3.0) * edge
-    for n in range(len(points)):
-        x, y, z = points[n, 0], points[n, 1], points[n, 2]
-        i, j, k = _cube(x, y, z, lower, edge, cubes)
-        if i >= 0:
-            if cubes[i, j, k] == _UNKNOWN:
-                middle = lower[0] + (i + 0.5) * edge, lower[1] + (j + 0.5) * edge, lower[2] + (k + 0.5) * edge
-                cubes[i, j, k] = _kind(middle, centres, radii, half)
-            kind = cubes[i, j, k] & _PARTLY
-            if kind == _INSIDE or (kind == _PARTLY and _is_inside(x, y, z, centres, radii)):
-                continue
-            if cubes[i, j, k] < _SEEN:
-                cubes[i, j, k] += _SEEN
-                chosen[different] = count
-                different += 1
-        kept[count, 0], kept[count, 1], kept[count, 2] = x, y, z
-        count += 1
-    return kept[:count], chosen[:different]
-
-
-@numba.njit((MATRIX, MATRIX, VECTOR, VECTOR, numba.float64, _CUBES), cache=True, nogil=True)
-def _touching(points, centres, radii, lower, edge, cubes):
-    """Tell which points (m, 3) are in one of the spheres, but in no cube that holds new points: (m,) bool."""
+@numba.njit((MATRIX, MATRIX, VECTOR), cache=True, nogil=True)
+def _touching(points, centres, radii):
+    """Tell which points (m, 3) are in one of the spheres: (m,) bool."""
     touching = np.zeros(len(points), dtype=np.bool_)
     for n in range(len(points)):
-        x, y, z = points[n, 0], points[n, 1], points[n, 2]
-        i, j, k = _cube(x, y, z, lower, edge, cubes)
-        if i < 0 or cubes[i, j, k] < _SEEN:
-            touching[n] = _is_inside(x, y, z, centres, radii)
+        touching[n] = _is_inside(points[n, 0], points[n, 1], points[n, 2], centres, radii)
     return touching
+
+
+@numba.njit(
+    (MATRIX, MATRIX, VECTOR, MATRIX, VECTOR, numba.float64, numba.float64, NUMBERS, numba.int64[::1], VECTOR, NEAREST),
+    cache=True, nogil=True,
+)  # fmt: skip
+def _sort(points, centres, radii, corners, centre, reach, edge, cubes, first, eye, nearest):
+    """Sort points (n, 3) into cubes: those that are left (k, 3), the numbers of their cubes (k,), where these are
+    (v, 3), sums of their points (v, 3) and how many they are (v,); and how many points are within reach.
+
+    corners : (2, 3) of the box around the spheres. cubes : of the grid, all 0, in which 1 + the numbers are written.
+    """
+    kept, of_point, count = np.empty_like(points), np.empty(len(points), dtype=np.int64), 0
+    places, sums = np.empty((4096, 3), dtype=np.int64), np.empty((4096, 3))
+    counts, partly = np.empty(4096), np.empty(4096, dtype=np.bool_)
+    found, near, half, per = 0, 0, 0.5 * math.sqrt(3.0) * edge, 1.0 / edge
+    for n in range(len(points)):
+        x, y, z = points[n, 0], points[n, 1], points[n, 2]
+        if len(nearest):
+            a, b, c = x - eye[0], y - eye[1], z - eye[2]
+            side, row, column = square_of(a, b, c)
+            nearest[side, row, column] = min(nearest[side, row, column], np.float32(a * a + b * b + c * c))
+        if (x - centre[0]) ** 2 + (y - centre[1]) ** 2 + (z - centre[2]) ** 2 > reach * reach:
+            continue
+        near += 1
+        # Nothing is as slow as `round`.
+        i, j, k = math.floor(x * per + 0.5), math.floor(y * per + 0.5), math.floor(z * per + 0.5)
+        a, b, c = i - first[0], j - first[1], k - first[2]
+        code = cubes[a, b, c]
+        if code == _UNKNOWN:
+            u, v, w = i * edge, j * edge, k * edge
+            code = _OUTSIDE
+            if (
+                corners[0, 0] - half <= u <= corners[1, 0] + half
+                and corners[0, 1] - half <= v <= corners[1, 1] + half
+                and corners[0, 2] - half <= w <= corners[1, 2] + half
+            ):
+                code = _kind(u, v, w, centres, radii, half)
+            cubes[a, b, c] = code
+        if code == _INSIDE:
+            continue
+        if (code == _PARTLY or (code > 0 and partly[code - 1])) and _is_inside(x, y, z, centres, radii):
+            continue
+        if code < 0:
+            if found == len(places):
+                places, sums = np.concatenate((places, places)), np.concatenate((sums, sums))
+                counts, partly = np.concatenate((counts, counts)), np.concatenate((partly, partly))
+            places[found, 0], places[found, 1], places[found, 2] = i, j, k
+            sums[found, 0], sums[found, 1], sums[found, 2], counts[found] = 0.0, 0.0, 0.0, 0.0
+            partly[found] = code == _PARTLY
+            found += 1
+            cubes[a, b, c] = code = found
+        number = code - 1
+        sums[number, 0] += x
+        sums[number, 1] += y
+        sums[number, 2] += z
+        counts[number] += 1.0
+        kept[count, 0], kept[count, 1], kept[count, 2] = x, y, z
+        of_point[count] = number
+        count += 1
+    return kept[:count], of_point[:count], places[:found], sums[:found], counts[:found], near

@@ -31,7 +31,8 @@ _UP = (0.0, 0.0, 1.0)
 
 @dataclass(frozen=True)
 class DepthCameraSettings:
-    """How a depth camera stands, and what it is.
+    """How a depth camera stands, and what it is: by default every fourth row and column of an Intel RealSense D435, of
+    848 x 480 pixels that see 87 x 58 degrees (Intel, "RealSense D400 Series Product Family Datasheet").
 
     Attributes
     ----------
@@ -42,9 +43,9 @@ class DepthCameraSettings:
 
     place: tuple[float, float, float] = (1.4, -0.8, 1.2)
     target: tuple[float, float, float] = (0.3, 0.0, 0.35)
-    width: int = 160
+    width: int = 212
     height: int = 120
-    field_of_view: float = 45.0
+    field_of_view: float = 58.0
     noise: float = 0.002
 
     def __post_init__(self) -> None:

@@ -16,21 +16,20 @@ from builtin_interfaces.msg import Time
 from sensor_msgs.msg import PointCloud2
 from tqdm import tqdm
 
-from geodesic_motion_ros.geometry.clusters import split_cloud
-from geodesic_motion_ros.geometry.distance_field import DistanceField
 from geodesic_motion_ros.geometry.quaternions import inverse, normalise, rotate
+from geodesic_motion_ros.geometry.shapes import no_solids
 from geodesic_motion_ros.nodes.messages import cloud_message, read_cloud
 from geodesic_motion_ros.nodes.parameter_tables import PLANNER
-from geodesic_motion_ros.nodes.seen_cloud import LARGEST_CLUSTER, MOST_CLUSTERS, points_near
+from geodesic_motion_ros.nodes.seen_cloud import CloudSettings, SeenCloud, see_cloud
 from geodesic_motion_ros.obstacles.tracker import ObstacleTracker
 from geodesic_motion_ros.robot.collision_model import CollisionModel
 from geodesic_motion_ros.robot.joint_history import JointHistory
 from geodesic_motion_ros.robot.kinematics import Robot
-from geodesic_motion_ros.robot.self_filter import Remembered, SelfFilter
+from geodesic_motion_ros.robot.self_filter import SelfFilter
 from geodesic_motion_ros.utils.tables import text_table
 from geodesic_motion_studies.benchmarks.stopwatch import Stopwatch, no_garbage_collection, percentiles_ms
 
-STEPS = ("read", "near", "self-filter", "clusters", "field")
+STEPS = ("read", "see", "track")
 #: Clouds a second of a depth camera, for the share of a core.
 RATE = 30.0
 #: Joint states a second; noise of the camera [m]; where it stands [m], and how it is turned.
@@ -72,8 +71,12 @@ class CloudBench:
         """Play so many clouds, after a few that do not count."""
         watches = {step: Stopwatch() for step in STEPS}
         dropped, remembered, kept = [], [], []
-        history, memory = JointHistory(self.robot), Remembered.nothing()
-        tracker = ObstacleTracker()
+        history, tracker = JointHistory(self.robot), ObstacleTracker()
+        seen: SeenCloud | None = None
+        settings = CloudSettings(
+            *(self._values[f"obstacle_cloud_{name}"] for name in ("voxel", "radius", "thickness")),
+            self._values["self_filter_padding"],
+        )
         states = itertools.count()
         ahead = 5
         for number in tqdm(range(ahead + clouds), desc=f"{self.count} points", disable=not show_progress):
@@ -85,26 +88,16 @@ class CloudBench:
             with no_garbage_collection():
                 with watches["read"]:
                     points, _ = read_cloud(message, _BASE, lambda *_: (_ORIGIN, _QUATERNION))
-                with watches["near"]:
-                    near = points_near(points, self.robot)
-                edge, padding = self._values["obstacle_cloud_voxel"], self._values["self_filter_padding"]
-                with watches["self-filter"]:
-                    joints = history.at(time, self._values["state_timeout"])
-                    filtered = self._filter.remove(near, joints, (), padding, edge, time, memory)
-                with watches["clusters"]:
-                    split = split_cloud(filtered.points, edge, LARGEST_CLUSTER, MOST_CLUSTERS)
+                joints = history.at(time, self._values["state_timeout"])
+                with watches["see"]:
+                    seen = see_cloud(points, self._filter, joints, (), no_solids(), settings, time, seen, _ORIGIN)
+                with watches["track"]:
                     tracker.replace_cloud(
-                        "obstacle_cloud", DistanceField.none(), time, clusters=split.clusters, around=0.02
+                        "obstacle_cloud", seen.field, time, clusters=seen.clusters, around=seen.around
                     )
-                with watches["field"]:
-                    DistanceField.of(
-                        split.rest, edge, self._values["obstacle_cloud_radius"],
-                        self._values["obstacle_cloud_thickness"],
-                    )  # fmt: skip
-            memory = filtered.memory
-            dropped.append(filtered.of_arm)
-            remembered.append(filtered.remembered)
-            kept.append(len(filtered.points))
+            dropped.append(seen.of_arm)
+            remembered.append(seen.remembered)
+            kept.append(seen.points)
         for watch in watches.values():
             del watch.cpu[:ahead], watch.wall[:ahead]
         arm = round(_ARM * self.count)

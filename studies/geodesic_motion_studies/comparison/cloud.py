@@ -21,11 +21,11 @@ import numpy as np
 
 from geodesic_motion_ros.contract.settings import PlannerSettings
 from geodesic_motion_ros.nodes.parameter_tables import PLANNER
-from geodesic_motion_ros.nodes.seen_cloud import CloudSettings, see_cloud
+from geodesic_motion_ros.nodes.seen_cloud import CloudSettings, SeenCloud, see_cloud
 from geodesic_motion_ros.obstacles.obstacles import Obstacles
 from geodesic_motion_ros.obstacles.tracker import ObstacleTracker
 from geodesic_motion_ros.robot.collision_model import CollisionModel
-from geodesic_motion_ros.robot.self_filter import Remembered, SelfFilter
+from geodesic_motion_ros.robot.self_filter import SelfFilter
 from geodesic_motion_ros.simulation.depth_camera import DepthCamera, DepthCameraSettings
 from geodesic_motion_ros.simulation.world import ArmWorld
 from geodesic_motion_studies.comparison.arena import Arena
@@ -74,7 +74,9 @@ class SeenInClouds(PlayedMethod):
         self._camera = DepthCamera(self._arena.name, view, scene.declared)
         # Not those of the scene itself.
         (self._random,) = scene_generator(self._arena, scene.family, scene.number, scene.seed).spawn(1)
-        self._tracker, self._memory = ObstacleTracker(), Remembered.nothing()
+        self._tracker: ObstacleTracker = ObstacleTracker()
+        self._seen: SeenCloud | None = None
+        self._declared = scene.declared
         self._taken, self._unpublished = 0, deque[Picture]()
 
     def tick(self, now: float, obstacles: Obstacles) -> None:
@@ -94,11 +96,10 @@ class SeenInClouds(PlayedMethod):
         self._camera.close()
 
     def _publish(self, picture: Picture, now: float) -> None:
-        seen = see_cloud(
-            picture.points, self._arena.robot, self._filter, picture.joints, (), self._settings, picture.taken,
-            self._memory, PLACE,
+        self._seen = seen = see_cloud(
+            picture.points, self._filter, picture.joints, (), self._declared.solids, self._settings, picture.taken,
+            self._seen, PLACE,
         )  # fmt: skip
-        self._memory = seen.memory
         self._tracker.replace_cloud(
             _SOURCE, seen.field, now, now - picture.taken, clusters=seen.clusters, around=seen.around
         )

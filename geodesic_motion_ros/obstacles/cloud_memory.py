@@ -1,0 +1,169 @@
+"""CloudMemory: what clouds have shown, cube by cube, so that the next one is understood.
+
+**What stands.** A thing stands whose cubes have held points for `STOOD`, they or the ones beside them, but for a few.
+One that comes out from behind something else was there before, as far as is known.
+
+**What is not seen any more.** A cube of what stands counts on for a `MOMENT`, and as long as something is before it;
+but not any more where the camera sees through it.
+
+**What flickers.** A cube that is seen seldom, beside one that is seen often, is noise of the surface in that one.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numba
+import numpy as np
+
+from geodesic_motion_ros.geometry.line_of_sight import LineOfSight
+from geodesic_motion_ros.geometry.point_clouds import MOMENT, VECTOR
+from geodesic_motion_ros.geometry.voxels import NUMBERS, PLACES, WHOLE, VoxelGrid
+
+#: What has held points for so long [s] stands, but for this share of its cubes: at 0.1 m/s it moves by two cubes.
+STOOD, NEW_SHARE = 0.5, 0.1
+#: Over so long [s] places and shares of cubes are averaged; a cube that is seen in less than the first share of the
+#: clouds, beside one that is seen in more than the second, is noise.
+AVERAGED, SELDOM, OFTEN = 0.25, 0.3, 0.6
+
+
+@dataclass(frozen=True, eq=False)
+class Cubes:
+    """Cubes that hold points, in a grid.
+
+    Attributes
+    ----------
+    places : (m, 3) in the grid. means : (m, 3) [m] of their points of late.
+    since, last : (m,) when each was seen first without a pause, as far as is known, and last [s].
+    share : (m,) of the clouds of late in which it was seen. stands : (m,) whether what was last seen there stands.
+    """
+
+    places: np.ndarray
+    means: np.ndarray
+    since: np.ndarray
+    last: np.ndarray
+    share: np.ndarray
+    stands: np.ndarray
+
+    @classmethod
+    def none(cls) -> Cubes:
+        """Make none."""
+        nothing = np.zeros(0)
+        return cls(np.zeros((0, 3), dtype=np.int64), np.zeros((0, 3)), nothing, nothing, nothing, nothing > 0.0)
+
+    def __len__(self) -> int:
+        return len(self.places)
+
+    def only(self, chosen: np.ndarray) -> Cubes:
+        """Take some of them, by their numbers or (m,) bool."""
+        return Cubes(*(values[chosen] for values in self._arrays()))
+
+    def beside(self, others: Cubes) -> Cubes:
+        """Append others."""
+        return Cubes(*map(np.concatenate, zip(self._arrays(), others._arrays(), strict=True)))
+
+    def _arrays(self) -> tuple[np.ndarray, ...]:
+        return self.places, self.means, self.since, self.last, self.share, self.stands
+
+
+@dataclass(frozen=True, eq=False)
+class CloudMemory:
+    """What clouds until a time [s] have shown, in cubes of a grid with this edge [m].
+
+    sight : what the camera saw then.
+    """
+
+    edge: float
+    cubes: Cubes
+    time: float
+    sight: LineOfSight
+
+    @classmethod
+    def nothing(cls, edge: float) -> CloudMemory:
+        """Make one of no cloud."""
+        return cls(edge, Cubes.none(), -math.inf, LineOfSight.blank(None))
+
+    def recall(
+        self, places: np.ndarray, means: np.ndarray, time: float, grid: VoxelGrid, sight: LineOfSight
+    ) -> Recalled:
+        """Find what is known of the cubes that a cloud shows, and which others count on.
+
+        Parameters
+        ----------
+        places : (v, 3) in a grid. means : (v, 3) [m] of their points.
+        time : of the cloud [s]. sight : what the camera sees then.
+        """
+        known = self.cubes
+        rows, stood = _stood(places, grid.numbered(known.places), grid.first, known.since, time - STOOD)
+        again, rows = rows >= 0, rows[rows >= 0]
+        weight = min(1.0, max(0.0, time - self.time) / AVERAGED)
+        since, share = np.full(len(places), -math.inf), np.full(len(places), weight)
+        if time - self.time <= MOMENT:
+            since[~self.sight.hides_beside(means)] = time
+        stood |= np.isinf(since)
+        since[again], share[again] = known.since[rows], known.share[rows] + weight * (1.0 - known.share[rows])
+        averaged = means.copy()
+        averaged[again] = known.means[rows] + weight * (means[again] - known.means[rows])
+        averaged[~stood] = means[~stood]
+        seen = Cubes(places, averaged, since, np.full(len(places), time), share, stood)
+        gone = np.ones(len(known), dtype=bool)
+        gone[rows] = False
+        unseen = known.only(gone & (known.last <= time) & ~sight.sees_through(known.means))
+        hidden = unseen.stands & sight.hides(unseen.means)
+        unseen.share[~hidden] *= 1.0 - weight
+        kept = hidden | (unseen.last >= time - MOMENT)
+        return Recalled(seen, unseen.only(kept), unseen.last[kept] < time - MOMENT)
+
+
+@dataclass(frozen=True, eq=False)
+class Recalled:
+    """What is known of the cubes of a cloud, and of others that count on.
+
+    Attributes
+    ----------
+    seen : v cubes of the cloud; `stands` where they, or those beside them, have held points for `STOOD`.
+    unseen : u that it does not show. hidden : (u,) whether that is for longer than a `MOMENT`.
+    """
+
+    seen: Cubes
+    unseen: Cubes
+    hidden: np.ndarray
+
+
+@numba.njit((PLACES, NUMBERS, WHOLE, VECTOR, numba.float64), cache=True, nogil=True)
+def _stood(
+    places: np.ndarray, cubes: np.ndarray, first: np.ndarray, since: np.ndarray, before: float
+) -> tuple[np.ndarray, np.ndarray]:
+    """Find the numbers (v,) of cubes at places (v, 3), -1 for none, and whether they or those beside them are from
+    before a time [s]: (v,).
+    """
+    rows, stood = np.full(len(places), -1), np.zeros(len(places), dtype=np.bool_)
+    for n in range(len(places)):
+        i, j, k = places[n, 0] - first[0], places[n, 1] - first[1], places[n, 2] - first[2]
+        rows[n] = cubes[i, j, k] - 1
+        for a in range(i - 1, i + 2):
+            for b in range(j - 1, j + 2):
+                for c in range(k - 1, k + 2):
+                    if cubes[a, b, c] > 0 and since[cubes[a, b, c] - 1] <= before:
+                        stood[n] = True
+    return rows, stood
+
+
+@numba.njit((PLACES, NUMBERS, WHOLE, VECTOR), cache=True, nogil=True)
+def flickering(places: np.ndarray, cubes: np.ndarray, first: np.ndarray, share: np.ndarray) -> np.ndarray:
+    """Tell which cubes at places (v, 3) are seen seldom beside one that is seen often: (v,) bool.
+
+    cubes : 1 + their numbers in a grid. first : (3,) place of its lower corner. share : (v,) as of `Cubes`.
+    """
+    noise = np.zeros(len(places), dtype=np.bool_)
+    for n in range(len(places)):
+        if share[n] >= SELDOM:
+            continue
+        i, j, k = places[n, 0] - first[0], places[n, 1] - first[1], places[n, 2] - first[2]
+        for a in range(i - 1, i + 2):
+            for b in range(j - 1, j + 2):
+                for c in range(k - 1, k + 2):
+                    if cubes[a, b, c] > 0 and share[cubes[a, b, c] - 1] > OFTEN:
+                        noise[n] = True
+    return noise

@@ -1,0 +1,86 @@
+"""Things: what hangs together in a cloud, and in what is remembered of clouds before, and whether it stands.
+
+What is small becomes a cluster, of spheres, whether it moves or not: what is seen of it is taken to be as deep as it is
+wide. The rest stands, cube by cube, as a table does.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from geodesic_motion_ros.geometry.clusters import Cluster, cluster_radii, hanging_together
+from geodesic_motion_ros.geometry.voxels import VoxelGrid
+from geodesic_motion_ros.obstacles.cloud_memory import NEW_SHARE, Cubes, flickering
+
+#: What has a cube farther [m] from its middle is not small; what is of fewer cubes may be an error of the camera.
+LARGEST, FEWEST_CUBES = 0.25, 4
+#: So many clusters, those that move and the largest, are made of so many spheres together, and no more than that each:
+#: planning takes its time for them. Powers of two.
+MOST_CLUSTERS, MOST_SPHERES, MOST_PARTS = 16, 128, 32
+
+
+@dataclass(frozen=True, eq=False)
+class Things:
+    """The things that cubes are of.
+
+    Attributes
+    ----------
+    cubes : v that a cloud shows, and those that are remembered besides. of_cube : (v + u,) the number of each one's
+        thing. of_seen : (v,) of those that the cloud shows.
+    chosen : numbers of the things that become clusters. moves : (m,) which things move.
+    noise : (v + u,) cubes that are noise of those beside them.
+    """
+
+    cubes: Cubes
+    of_cube: np.ndarray
+    of_seen: np.ndarray
+    chosen: np.ndarray
+    moves: np.ndarray
+    noise: np.ndarray
+
+    @property
+    def field_places(self) -> np.ndarray:
+        """Places (n, 3) of the cubes that are in no cluster; of what moves now, those where it was."""
+        in_cluster = np.isin(self.of_cube, self.chosen)
+        in_cluster[len(self.of_seen) :] &= ~self.moves[self.of_cube[len(self.of_seen) :]]
+        return self.cubes.places[~(self.noise | in_cluster)]
+
+    def clusters(self, points: np.ndarray, cube: np.ndarray, eye: np.ndarray | None) -> tuple[Cluster, ...]:
+        """Make clusters: of what moves by its points (n, 3) [m], of what stands by what is known of its cubes.
+
+        cube : (n,) numbers of the cubes of the points, less than 0 for none. eye : as of `Cluster.of`.
+        """
+        if not len(self.chosen):
+            return ()
+        most = min(MOST_PARTS, MOST_SPHERES >> int(len(self.chosen) - 1).bit_length())
+        steady = ~self.noise
+        means, of_mean = self.cubes.means[steady], self.of_cube[steady]
+        moving = np.append(self.moves[self.of_seen], False)[cube]
+        in_motion, of_point = points[moving], self.of_seen[cube[moving]]
+        return tuple(
+            Cluster.of(in_motion[of_point == one], most, False, eye)
+            if self.moves[one]
+            else Cluster.of(means[of_mean == one], most, True, eye)
+            for one in self.chosen
+        )
+
+
+def find_things(seen: Cubes, remembered: Cubes, grid: VoxelGrid) -> Things:
+    """Find the things of cubes that a cloud shows, and of those that are remembered and stand.
+
+    A thing stands where the cubes that are seen of it have stood but for `NEW_SHARE`.
+    """
+    cubes = seen.beside(remembered)
+    numbered = grid.numbered(cubes.places)
+    of_cube, sizes = hanging_together(cubes.places, numbered, grid.first)
+    of_seen = of_cube[: len(seen)]
+    count, new = (np.bincount(of, minlength=len(sizes)) for of in (of_seen, of_seen[~seen.stands]))
+    small = (cluster_radii(cubes.means, of_cube, len(sizes)) <= LARGEST) & (sizes >= FEWEST_CUBES)
+    moves = small & (new > NEW_SHARE * count)
+    chosen = np.flatnonzero(small)
+    chosen = chosen[np.lexsort((-sizes[chosen], ~moves[chosen]))][:MOST_CLUSTERS]
+    moves &= np.isin(np.arange(len(sizes)), chosen)
+    noise = flickering(cubes.places, numbered, grid.first, cubes.share)
+    return Things(cubes, of_cube, of_seen, chosen, moves, noise)
