@@ -15,9 +15,9 @@ import numpy as np
 from geodesic_motion_ros.geometry.point_clouds import POINTS, VECTOR, corners
 from geodesic_motion_ros.geometry.voxels import NUMBERS, PLACES, WHOLE
 
-#: A sphere is halved where its parts have less than this share of its volume, but not where the points are by less than
-#: that share of its radius inside of it, on average: it is what they are the front of; nor one that is smaller [m].
-_WORTH_HALVING, _INSIDE, _SMALLEST = 0.85, 0.25, 0.04
+#: A sphere is halved where its parts have less than this share of its volume; but not where the points are inside of it
+#: by no more than this on average [m], as noise makes those of the front of a ball; nor one that is no larger [m].
+_WORTH_HALVING, _INSIDE, _SMALLEST = 0.85, 0.016, 0.04
 
 
 class Cluster(NamedTuple):
@@ -157,7 +157,7 @@ def _cover(points: np.ndarray, most: int, eye: np.ndarray) -> np.ndarray:
         middle, axis = _middle(points[begin:end])
         spheres[node, :3], radius, inside = _sphere(points[begin:end], middle, eye)
         spheres[node, 3] = radius
-        if node < inner and radius > _SMALLEST and inside > _INSIDE * radius:
+        if node < inner and radius > _SMALLEST and inside > _INSIDE:
             half = begin
             for n in range(begin, end):
                 if points[n, axis] < middle[axis]:

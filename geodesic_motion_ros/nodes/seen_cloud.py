@@ -88,22 +88,21 @@ def see_cloud(
         spheres = centres, radii + settings.padding
     cloud = arm.sort(points, spheres, grid, eye)
     unknown = solid_distances(cloud.means, solids) > settings.padding
+    places, means = cloud.places[unknown], cloud.means[unknown]
 
     memory = CloudMemory.nothing(edge)
     if before is not None and (before.memory.edge, before.held) == (edge, held) and before.memory.time <= time:
         memory = before.memory
-    recalled = memory.recall(cloud.places[unknown], cloud.means[unknown], time, grid, cloud.sight)
+    recalled = memory.recall(places, means, time, grid, cloud.sight)
     # What touches the arm may be of the arm, which hides it from the camera as long as it stays.
     of_arm = recalled.hidden & arm.touches(recalled.unseen.means, spheres, edge)
     unseen = recalled.unseen.only(~of_arm)
     things = find_things(recalled.seen, unseen.only(unseen.stands), grid)
 
     seen = replace(recalled.seen, stands=~things.moves[things.of_seen])
-    number = np.where(unknown, np.cumsum(unknown) - 1, -1)[cloud.of_point]
     field = DistanceField.of_cubes(things.field_places, edge, settings.radius, settings.thickness)
-    counting = int(np.count_nonzero(number >= 0))
     return SeenCloud(
-        field, things.clusters(cloud.points, number, eye), settings.radius, counting, cloud.out_of_reach, cloud.of_arm,
-        len(cloud.points) - counting, len(things.cubes) - len(seen),
+        field, things.clusters(means, eye), settings.radius, int(np.sum(cloud.counts[unknown])), cloud.out_of_reach,
+        cloud.of_arm, int(np.sum(cloud.counts[~unknown])), len(things.cubes) - len(seen),
         CloudMemory(edge, seen.beside(unseen), time, cloud.sight), held,
     )  # fmt: skip

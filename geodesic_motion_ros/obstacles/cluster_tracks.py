@@ -88,17 +88,23 @@ class _Thing:
                 yield place._replace(centre=centre, radius=radius + larger)
 
     def _placed(self, cluster: Cluster, time: float) -> Vector:
-        """Where it is (3,) [m], with what is hidden of it."""
+        """Where it is (3,) [m], with what is hidden of it: where it is expected, if it would show there what is seen."""
         if not self._sizes:
             return cluster.centre
         motion = self.obstacle.newest.motion
         passed = max(0.0, time - motion.newest[1])
+        expected = tuple(p + passed * v for p, v in zip(motion.place, motion.velocity, strict=True))
+        hidden = [max(half[axis] for _, half in self._sizes) - cluster.half[axis] for axis in range(3)]
+        if max(hidden) <= STEADY_SIZE:
+            return cluster.centre
+        if not self._stands and _hold(self._spheres + np.array([*expected, 0.0]), cluster.spheres):
+            return expected[0], expected[1], expected[2]
         middle = []
         for axis in range(3):
-            hidden, seen = max(half[axis] for _, half in self._sizes) - cluster.half[axis], cluster.centre[axis]
-            if hidden > STEADY_SIZE:
-                expected = motion.place[axis] + passed * motion.velocity[axis]
-                seen = min(seen - hidden, seen + hidden, key=lambda place: abs(place - expected))
+            seen = cluster.centre[axis]
+            if hidden[axis] > STEADY_SIZE:
+                sides = seen - hidden[axis], seen + hidden[axis]
+                seen = min(sides, key=lambda place, at=expected[axis]: abs(place - at))
             middle.append(seen)
         return middle[0], middle[1], middle[2]
 

@@ -47,20 +47,17 @@ class Things:
         in_cluster[len(self.of_seen) :] &= ~self.moves[self.of_cube[len(self.of_seen) :]]
         return self.cubes.places[~(self.noise | in_cluster)]
 
-    def clusters(self, points: np.ndarray, cube: np.ndarray, eye: np.ndarray | None) -> tuple[Cluster, ...]:
-        """Make clusters: of what moves by its points (n, 3) [m], of what stands by what is known of its cubes.
-
-        cube : (n,) numbers of the cubes of the points, less than 0 for none. eye : as of `Cluster.of`.
+    def clusters(self, fresh: np.ndarray, eye: np.ndarray | None) -> tuple[Cluster, ...]:
+        """Make clusters: of what moves by the means (v, 3) [m] of its cubes in this cloud alone, of what stands by all
+        that is known of them; eye : as of `Cluster.of`.
         """
         if not len(self.chosen):
             return ()
         most = min(MOST_PARTS, MOST_SPHERES >> int(len(self.chosen) - 1).bit_length())
         steady = ~self.noise
         means, of_mean = self.cubes.means[steady], self.of_cube[steady]
-        moving = np.append(self.moves[self.of_seen], False)[cube]
-        in_motion, of_point = points[moving], self.of_seen[cube[moving]]
         return tuple(
-            Cluster.of(in_motion[of_point == one], most, False, eye)
+            Cluster.of(fresh[self.of_seen == one], most, False, eye)
             if self.moves[one]
             else Cluster.of(means[of_mean == one], most, True, eye)
             for one in self.chosen

@@ -32,15 +32,13 @@ class SortedCloud:
 
     Attributes
     ----------
-    points : (k, 3) [m] that are left. of_point : (k,) numbers of their cubes.
-    places : (v, 3) of the cubes in the grid. means : (v, 3) [m] of their points.
+    places : (v, 3) of the cubes in the grid. counts : (v,) how many points each holds. means : (v, 3) [m] of these.
     sight : what the camera sees, the arm too.
     out_of_reach, of_arm : how many points are left out.
     """
 
-    points: np.ndarray
-    of_point: np.ndarray
     places: np.ndarray
+    counts: np.ndarray
     means: np.ndarray
     sight: LineOfSight
     out_of_reach: int
@@ -87,14 +85,13 @@ class SelfFilter:
         corners = np.zeros((2, 3))
         if len(radii):
             corners[0], corners[1] = np.min(centres - radii[:, None], axis=0), np.max(centres + radii[:, None], axis=0)
-        kept, of_point, places, sums, counts, near = _sort(
+        places, counts, sums, near = _sort(
             np.ascontiguousarray(points), np.ascontiguousarray(centres), np.ascontiguousarray(radii), corners,
             np.asarray(grid.centre, dtype=float), grid.radius, grid.edge, grid.numbers(), grid.first, sight.eye,
             sight.nearest,
         )  # fmt: skip
-        return SortedCloud(
-            kept, of_point, places, sums / counts[:, None], sight, len(points) - near, near - len(kept)
-        )
+        of_arm = near - int(np.sum(counts))
+        return SortedCloud(places, counts, sums / counts[:, None], sight, len(points) - near, of_arm)
 
 
 @numba.njit(cache=True, nogil=True)
@@ -136,14 +133,14 @@ def _touching(points, centres, radii):
     cache=True, nogil=True,
 )  # fmt: skip
 def _sort(points, centres, radii, corners, centre, reach, edge, cubes, first, eye, nearest):
-    """Sort points (n, 3) into cubes: those that are left (k, 3), the numbers of their cubes (k,), where these are
-    (v, 3), sums of their points (v, 3) and how many they are (v,); and how many points are within reach.
+    """Sort points (n, 3) into cubes: where these are (v, 3), how many points each holds (v,) and their sums (v, 3); and
+    how many points are within reach.
 
     corners : (2, 3) of the box around the spheres. cubes : of the grid, all 0, in which 1 + the numbers are written.
     """
-    kept, of_point, count = np.empty_like(points), np.empty(len(points), dtype=np.int64), 0
-    places, sums = np.empty((4096, 3), dtype=np.int64), np.empty((4096, 3))
-    counts, partly = np.empty(4096), np.empty(4096, dtype=np.bool_)
+    most = min(len(points), cubes.size)
+    places, sums = np.empty((most, 3), dtype=np.int64), np.empty((most, 3))
+    counts, partly = np.empty(most, dtype=np.int64), np.empty(most, dtype=np.bool_)
     found, near, half, per = 0, 0, 0.5 * math.sqrt(3.0) * edge, 1.0 / edge
     for n in range(len(points)):
         x, y, z = points[n, 0], points[n, 1], points[n, 2]
@@ -173,11 +170,8 @@ def _sort(points, centres, radii, corners, centre, reach, edge, cubes, first, ey
         if (code == _PARTLY or (code > 0 and partly[code - 1])) and _is_inside(x, y, z, centres, radii):
             continue
         if code < 0:
-            if found == len(places):
-                places, sums = np.concatenate((places, places)), np.concatenate((sums, sums))
-                counts, partly = np.concatenate((counts, counts)), np.concatenate((partly, partly))
             places[found, 0], places[found, 1], places[found, 2] = i, j, k
-            sums[found, 0], sums[found, 1], sums[found, 2], counts[found] = 0.0, 0.0, 0.0, 0.0
+            sums[found, 0], sums[found, 1], sums[found, 2], counts[found] = 0.0, 0.0, 0.0, 0
             partly[found] = code == _PARTLY
             found += 1
             cubes[a, b, c] = code = found
@@ -185,8 +179,5 @@ def _sort(points, centres, radii, corners, centre, reach, edge, cubes, first, ey
         sums[number, 0] += x
         sums[number, 1] += y
         sums[number, 2] += z
-        counts[number] += 1.0
-        kept[count, 0], kept[count, 1], kept[count, 2] = x, y, z
-        of_point[count] = number
-        count += 1
-    return kept[:count], of_point[:count], places[:found], sums[:found], counts[:found], near
+        counts[number] += 1
+    return places[:found], counts[:found], sums[:found], near
