@@ -1,8 +1,9 @@
 """Clusters of a point cloud: what hangs together, by cubes that touch, with a corner too.
 
-A cluster is covered by a few spheres: it is halved along its longest side, and so on, where that makes their volume
-smaller. A camera sees the front alone. So a sphere is moved away from it until its front is where the points begin, and
-made larger until it holds them again: what is seen is taken to be as deep as it is wide. Of a ball that makes the ball.
+A cluster is covered by a few spheres: it is cut in two across an axis, where the two have the least volume, and so on,
+as long as that makes it smaller. A camera sees the front alone. So a sphere is moved away from it until its front is
+where the points begin, and made larger until it holds them again: what is seen is taken to be as deep as it is wide. Of
+a ball that makes the ball.
 """
 
 from __future__ import annotations
@@ -18,6 +19,8 @@ from geodesic_motion_ros.geometry.voxels import NUMBERS, PLACES, WHOLE
 #: A sphere is halved where its parts have less than this share of its volume; but not where the points are inside of it
 #: by no more than this on average [m], as noise makes those of the front of a ball; nor one that is no larger [m].
 _WORTH_HALVING, _INSIDE, _SMALLEST = 0.85, 0.016, 0.04
+#: Along each axis a cut is looked for at multiples of this part of the length.
+_CUTS = 6
 
 
 class Cluster(NamedTuple):
@@ -97,18 +100,6 @@ def cluster_radii(points: np.ndarray, of_point: np.ndarray, clusters: int) -> np
 
 
 @numba.njit(cache=True, nogil=True)
-def _middle(points: np.ndarray) -> tuple[np.ndarray, int]:
-    """Find the middle of the box around points (n, 3), and its longest axis."""
-    box = np.empty((2, 3))
-    box[0], box[1] = points[0], points[0]
-    for n in range(1, len(points)):
-        for axis in range(3):
-            box[0, axis] = min(box[0, axis], points[n, axis])
-            box[1, axis] = max(box[1, axis], points[n, axis])
-    return 0.5 * (box[0] + box[1]), int(np.argmax(box[1] - box[0]))
-
-
-@numba.njit(cache=True, nogil=True)
 def _distances(points: np.ndarray, middle: np.ndarray) -> tuple[float, float]:
     """Return how far the farthest of points (n, 3) is from a middle (3,), and how far they are on average [m]."""
     square, sum_ = 0.0, 0.0
@@ -120,10 +111,12 @@ def _distances(points: np.ndarray, middle: np.ndarray) -> tuple[float, float]:
 
 
 @numba.njit(cache=True, nogil=True)
-def _sphere(points: np.ndarray, middle: np.ndarray, eye: np.ndarray) -> tuple[np.ndarray, float, float]:
-    """Find a sphere that holds points (n, 3) around a middle (3,), and what is behind them seen from an eye (3,): its
-    middle, its radius, and how far the points are inside of it on average.
+def _sphere(points: np.ndarray, eye: np.ndarray) -> tuple[np.ndarray, float, float]:
+    """Find a sphere that holds points (n, 3) and what is behind them, seen from an eye (3,): its middle (3,), its radius,
+    and how far inside of it the points are on average.
     """
+    lower, upper = corners(points)
+    middle = 0.5 * (lower + upper)
     (radius, mean), away = _distances(points, middle), middle - eye
     distance = np.sqrt(np.sum(away**2))
     # Neither where it is not known from where they were seen, nor from among them.
@@ -137,6 +130,37 @@ def _sphere(points: np.ndarray, middle: np.ndarray, eye: np.ndarray) -> tuple[np
     moved = middle + (radius - front) * away
     radius, mean = _distances(points, moved)
     return moved, radius, radius - mean
+
+
+@numba.njit(cache=True, nogil=True)
+def _sort_by(points: np.ndarray, axis: int, where: float) -> int:
+    """Sort points (n, 3) so that those below a place [m] on an axis are first, and return how many these are."""
+    half = 0
+    for n in range(len(points)):
+        if points[n, axis] < where:
+            for k in range(3):
+                points[n, k], points[half, k] = points[half, k], points[n, k]
+            half += 1
+    return half
+
+
+@numba.njit(cache=True, nogil=True)
+def _part(points: np.ndarray, eye: np.ndarray) -> int:
+    """Sort points (n, 3) into two parts with the least spheres, by a cut across an axis, and return how many the first
+    one has.
+    """
+    lower, upper = corners(points)
+    best, best_axis, best_where = np.inf, 0, upper[0]
+    for axis in range(3):
+        for cut in range(1, _CUTS):
+            where = lower[axis] + cut / _CUTS * (upper[axis] - lower[axis])
+            half = _sort_by(points, axis, where)
+            if half == 0 or half == len(points):
+                continue
+            volume = _sphere(points[:half], eye)[1] ** 3 + _sphere(points[half:], eye)[1] ** 3
+            if volume < best:
+                best, best_axis, best_where = volume, axis, where
+    return _sort_by(points, best_axis, best_where)
 
 
 @numba.njit((numba.types.Array(numba.float64, 2, "C"), numba.int64, VECTOR), cache=True, nogil=True)
@@ -154,16 +178,10 @@ def _cover(points: np.ndarray, most: int, eye: np.ndarray) -> np.ndarray:
         begin, end = ranges[node]
         if begin == end:
             continue
-        middle, axis = _middle(points[begin:end])
-        spheres[node, :3], radius, inside = _sphere(points[begin:end], middle, eye)
+        spheres[node, :3], radius, inside = _sphere(points[begin:end], eye)
         spheres[node, 3] = radius
         if node < inner and radius > _SMALLEST and inside > _INSIDE:
-            half = begin
-            for n in range(begin, end):
-                if points[n, axis] < middle[axis]:
-                    for k in range(3):
-                        points[n, k], points[half, k] = points[half, k], points[n, k]
-                    half += 1
+            half = begin + _part(points[begin:end], eye)
             ranges[2 * node + 1, 0], ranges[2 * node + 1, 1] = begin, half
             ranges[2 * node + 2, 0], ranges[2 * node + 2, 1] = half, end
     for node in range(nodes - 1, -1, -1):

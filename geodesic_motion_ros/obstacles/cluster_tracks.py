@@ -88,7 +88,7 @@ class _Thing:
                 yield place._replace(centre=centre, radius=radius + larger)
 
     def _placed(self, cluster: Cluster, time: float) -> Vector:
-        """Where it is (3,) [m], with what is hidden of it: where it is expected, if it would show there what is seen."""
+        """Where it is (3,) [m], with what is hidden of it: where it is expected, if that would show what is seen."""
         if not self._sizes:
             return cluster.centre
         motion = self.obstacle.newest.motion
@@ -103,8 +103,7 @@ class _Thing:
         for axis in range(3):
             seen = cluster.centre[axis]
             if hidden[axis] > STEADY_SIZE:
-                sides = seen - hidden[axis], seen + hidden[axis]
-                seen = min(sides, key=lambda place, at=expected[axis]: abs(place - at))
+                seen += math.copysign(hidden[axis], expected[axis] - seen)
             middle.append(seen)
         return middle[0], middle[1], middle[2]
 
