@@ -29,12 +29,13 @@ class Cluster(NamedTuple):
     Attributes
     ----------
     centre, half : (3,) middle and half extents of the box along the axes around its points [m].
-    spheres : (k, 4) that cover the points and what is behind them: centres, radii [m].
+    points : (n, 3) [m]. spheres : (k, 4) that cover them and what is behind them: centres, radii [m].
     stands : whether it is known to stand.
     """
 
     centre: tuple[float, float, float]
     half: tuple[float, float, float]
+    points: np.ndarray
     spheres: np.ndarray
     stands: bool = False
 
@@ -48,7 +49,7 @@ class Cluster(NamedTuple):
         lower, upper = corners(points)
         seen_from = np.full(3, np.nan) if eye is None else np.ascontiguousarray(eye, dtype=float)
         middle, half = 0.5 * (lower + upper), 0.5 * (upper - lower)
-        return cls(tuple(middle.tolist()), tuple(half.tolist()), _cover(points.copy(), most, seen_from), stands)
+        return cls(tuple(middle.tolist()), tuple(half.tolist()), points, _cover(points.copy(), most, seen_from), stands)
 
 
 @numba.njit((PLACES, NUMBERS, WHOLE), cache=True, nogil=True)
@@ -112,7 +113,7 @@ def _distances(points: np.ndarray, middle: np.ndarray) -> tuple[float, float]:
 
 @numba.njit(cache=True, nogil=True)
 def _sphere(points: np.ndarray, eye: np.ndarray) -> tuple[np.ndarray, float, float]:
-    """Find a sphere that holds points (n, 3) and what is behind them, seen from an eye (3,): its middle (3,), its radius,
+    """Find a sphere that holds points (n, 3) and what is behind them, seen from an eye (3,): its middle and radius,
     and how far inside of it the points are on average.
     """
     lower, upper = corners(points)

@@ -21,8 +21,8 @@ from geodesic_motion_ros.geometry.line_of_sight import LineOfSight
 from geodesic_motion_ros.geometry.point_clouds import MOMENT, VECTOR
 from geodesic_motion_ros.geometry.voxels import NUMBERS, PLACES, WHOLE, VoxelGrid
 
-#: What has held points for so long [s] stands, but for this share of its cubes: at 0.1 m/s it moves by two cubes.
-STOOD, NEW_SHARE = 1.0, 0.1
+#: What has held points for so long [s] stands, but for this share of its cubes: at 4 cm/s it moves by four cubes.
+STOOD, NEW_SHARE = 2.0, 0.1
 #: Over so long [s] places and shares of cubes are averaged; a cube that is seen in less than the first share of the
 #: clouds, beside one that is seen in more than the second, is noise.
 AVERAGED, SELDOM, OFTEN = 0.25, 0.3, 0.6

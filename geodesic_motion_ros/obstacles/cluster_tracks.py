@@ -66,10 +66,11 @@ class _Thing:
             self._sizes.popleft()
         centre = self._placed(cluster, time)
         self._sizes.append((time, cluster.half))
-        place = np.zeros(3) if cluster.stands else centre
-        spheres = cluster.spheres - np.array([*place, -around])
+        place = np.zeros(3) if cluster.stands else np.array(centre)
+        points = np.column_stack([cluster.points - place, np.full(len(cluster.points), around)])
         same = cluster.stands == self._stands and time <= self._spheres_seen + SIZE_MEMORY
-        if not (same and _hold(self._spheres, spheres)):
+        if not (same and _hold(self._spheres, points)):
+            spheres = cluster.spheres - np.array([*place, -around])
             self._spheres, self._spheres_seen, self._stands = spheres, time, cluster.stands
             self._radius = float(np.max(np.linalg.norm(spheres[:, :3], axis=1) + spheres[:, 3]))
         self.obstacle.see(Track(centre, self._radius, arrival, taken, math.inf), time, noise)
@@ -97,7 +98,8 @@ class _Thing:
         hidden = [max(half[axis] for _, half in self._sizes) - cluster.half[axis] for axis in range(3)]
         if max(hidden) <= STEADY_SIZE:
             return cluster.centre
-        if not self._stands and _hold(self._spheres + np.array([*expected, 0.0]), cluster.spheres):
+        points = np.column_stack([cluster.points - np.array(expected), np.zeros(len(cluster.points))])
+        if not self._stands and _hold(self._spheres, points):
             return expected[0], expected[1], expected[2]
         middle = []
         for axis in range(3):

@@ -28,9 +28,8 @@ class Things:
     Attributes
     ----------
     cubes : v that a cloud shows, and those that are remembered besides. of_cube : (v + u,) the number of each one's
-        thing. of_seen : (v,) of those that the cloud shows.
-    chosen : numbers of the things that become clusters. moves : (m,) which things move.
-    noise : (v + u,) cubes that are noise of those beside them.
+        thing; -1 of what is noise of those beside it. of_seen : (v,) of those that the cloud shows.
+    chosen : numbers of the things that become clusters. moves : (m + 1,) which things move; noise does not.
     """
 
     cubes: Cubes
@@ -38,14 +37,13 @@ class Things:
     of_seen: np.ndarray
     chosen: np.ndarray
     moves: np.ndarray
-    noise: np.ndarray
 
     @property
     def field_places(self) -> np.ndarray:
         """Places (n, 3) of the cubes that are in no cluster; of what moves now, those where it was."""
         in_cluster = np.isin(self.of_cube, self.chosen)
         in_cluster[len(self.of_seen) :] &= ~self.moves[self.of_cube[len(self.of_seen) :]]
-        return self.cubes.places[~(self.noise | in_cluster)]
+        return self.cubes.places[(self.of_cube >= 0) & ~in_cluster]
 
     def clusters(self, fresh: np.ndarray, eye: np.ndarray | None) -> tuple[Cluster, ...]:
         """Make clusters: of what moves by the means (v, 3) [m] of its cubes in this cloud alone, of what stands by all
@@ -54,12 +52,10 @@ class Things:
         if not len(self.chosen):
             return ()
         most = min(MOST_PARTS, MOST_SPHERES >> int(len(self.chosen) - 1).bit_length())
-        steady = ~self.noise
-        means, of_mean = self.cubes.means[steady], self.of_cube[steady]
         return tuple(
             Cluster.of(fresh[self.of_seen == one], most, False, eye)
             if self.moves[one]
-            else Cluster.of(means[of_mean == one], most, True, eye)
+            else Cluster.of(self.cubes.means[self.of_cube == one], most, True, eye)
             for one in self.chosen
         )
 
@@ -70,14 +66,16 @@ def find_things(seen: Cubes, remembered: Cubes, grid: VoxelGrid) -> Things:
     A thing stands where the cubes that are seen of it have stood but for `NEW_SHARE`.
     """
     cubes = seen.beside(remembered)
-    numbered = grid.numbered(cubes.places)
-    of_cube, sizes = hanging_together(cubes.places, numbered, grid.first)
+    noise = flickering(cubes.places, grid.numbered(cubes.places), grid.first, cubes.share)
+    places, means = cubes.places[~noise], cubes.means[~noise]
+    of_steady, sizes = hanging_together(places, grid.numbered(places), grid.first)
+    of_cube = np.full(len(cubes), -1)
+    of_cube[~noise] = of_steady
     of_seen = of_cube[: len(seen)]
-    count, new = (np.bincount(of, minlength=len(sizes)) for of in (of_seen, of_seen[~seen.stands]))
-    small = (cluster_radii(cubes.means, of_cube, len(sizes)) <= LARGEST) & (sizes >= FEWEST_CUBES)
+    count, new = (np.bincount(of[of >= 0], minlength=len(sizes)) for of in (of_seen, of_seen[~seen.stands]))
+    small = (cluster_radii(means, of_steady, len(sizes)) <= LARGEST) & (sizes >= FEWEST_CUBES)
     moves = small & (new > NEW_SHARE * count)
     chosen = np.flatnonzero(small)
     chosen = chosen[np.lexsort((-sizes[chosen], ~moves[chosen]))][:MOST_CLUSTERS]
     moves &= np.isin(np.arange(len(sizes)), chosen)
-    noise = flickering(cubes.places, numbered, grid.first, cubes.share)
-    return Things(cubes, of_cube, of_seen, chosen, moves, noise)
+    return Things(cubes, of_cube, of_seen, chosen, np.append(moves, False))
