@@ -372,7 +372,7 @@ PLANNER = (
     Parameter(
         "obstacle_cloud_radius",
         0.005,
-        "Radius around every point of `obstacle_cloud`",
+        "Radius around what `obstacle_cloud` shows: as much as points are off, or apart",
         "m",
         0.001,
         1.0,

@@ -107,9 +107,9 @@ class CloudMemory:
         averaged[again] = known.means[rows] + weight * (means[again] - known.means[rows])
         averaged[~stood] = means[~stood]
         seen = Cubes(places, averaged, since, np.full(len(places), time), share, stood)
-        gone = np.ones(len(known), dtype=bool)
-        gone[rows] = False
-        unseen = known.only(gone & (known.last <= time) & ~sight.sees_through(known.means))
+        absent = np.ones(len(known), dtype=bool)
+        absent[rows] = False
+        unseen = known.only(absent & (known.last <= time) & ~sight.sees_through(known.means))
         hidden = unseen.stands & sight.hides(unseen.means)
         unseen.share[~hidden] *= 1.0 - weight
         kept = hidden | (unseen.last >= time - MOMENT)
