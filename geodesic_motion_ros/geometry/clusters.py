@@ -1,7 +1,7 @@
 """Clusters of a point cloud: what hangs together, by cubes that touch, with a corner too.
 
-A cluster is covered by a few spheres: it is cut in two across an axis, where the two have the least volume, and so on,
-as long as that makes it smaller. A camera sees the front alone. So a sphere is moved away from it until its front is
+A cluster is covered by a few spheres: it is cut in two across an axis, where the larger of their spheres is smallest,
+and so on, as long as that makes their volume smaller. A camera sees the front alone. So a sphere is moved away from it until its front is
 where the points begin, and made larger until it holds them again: what is seen is taken to be as deep as it is wide. Of
 a ball that makes the ball.
 """
@@ -147,8 +147,8 @@ def _sort_by(points: np.ndarray, axis: int, where: float) -> int:
 
 @numba.njit(cache=True, nogil=True)
 def _part(points: np.ndarray, eye: np.ndarray) -> int:
-    """Sort points (n, 3) into two parts with the least spheres, by a cut across an axis, and return how many the first
-    one has.
+    """Sort points (n, 3) into two parts by the cut across an axis with which the larger of their spheres is smallest, and
+    return how many the first one has.
     """
     lower, upper = corners(points)
     best, best_axis, best_where = np.inf, 0, upper[0]
@@ -158,9 +158,9 @@ def _part(points: np.ndarray, eye: np.ndarray) -> int:
             half = _sort_by(points, axis, where)
             if half == 0 or half == len(points):
                 continue
-            volume = _sphere(points[:half], eye)[1] ** 3 + _sphere(points[half:], eye)[1] ** 3
-            if volume < best:
-                best, best_axis, best_where = volume, axis, where
+            larger = max(_sphere(points[:half], eye)[1], _sphere(points[half:], eye)[1])
+            if larger < best:
+                best, best_axis, best_where = larger, axis, where
     return _sort_by(points, best_axis, best_where)
 
 
