@@ -1,9 +1,9 @@
 """Clusters of a point cloud: what hangs together, by cubes that touch, with a corner too.
 
 A cluster is covered by a few spheres: it is cut in two across an axis, where the larger of their spheres is smallest,
-and so on, as long as that makes their volume smaller. A camera sees the front alone. So a sphere is moved away from it until its front is
-where the points begin, and made larger until it holds them again: what is seen is taken to be as deep as it is wide. Of
-a ball that makes the ball.
+and so on, as long as that makes their volume smaller. A camera sees the front alone. So a sphere is moved away from it
+until its front is where the points begin, and made larger until it holds them again: what is seen is taken to be as
+deep as it is wide. Of a ball that makes the ball.
 """
 
 from __future__ import annotations
@@ -147,8 +147,8 @@ def _sort_by(points: np.ndarray, axis: int, where: float) -> int:
 
 @numba.njit(cache=True, nogil=True)
 def _part(points: np.ndarray, eye: np.ndarray) -> int:
-    """Sort points (n, 3) into two parts by the cut across an axis with which the larger of their spheres is smallest, and
-    return how many the first one has.
+    """Sort points (n, 3) into two parts, by the cut across an axis with which the larger of their spheres is smallest,
+    and return how many the first one has.
     """
     lower, upper = corners(points)
     best, best_axis, best_where = np.inf, 0, upper[0]
