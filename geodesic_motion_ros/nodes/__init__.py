@@ -9,5 +9,6 @@ for _variable in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS"):
     os.environ.setdefault(_variable, "1")
 
 # A publisher that writes to shared memory waits up to a third of a second, and the interpreter with it, when another
-# program joins (Fast DDS checks the newcomer's port meanwhile, eProsima/Fast-DDS#6535). Clouds arrive as well by UDP.
-os.environ.setdefault("FASTDDS_BUILTIN_TRANSPORTS", "UDPv4")
+# program joins (Fast DDS checks the newcomer's port meanwhile, eProsima/Fast-DDS#6535). Clouds arrive as well by UDP,
+# where a socket holds one: the kernel allows as much as net.core.rmem_max.
+os.environ.setdefault("FASTDDS_BUILTIN_TRANSPORTS", "UDPv4?sockets_size=4MB")

@@ -27,7 +27,7 @@ def said(script: str, environment: dict[str, str]) -> str:
     ).stdout.strip()
 
 
-@pytest.mark.parametrize(("given", "used"), [({}, "UDPv4"), ({CHOSEN: "LARGE_DATA"}, "LARGE_DATA")])
+@pytest.mark.parametrize(("given", "used"), [({}, "UDPv4?sockets_size=4MB"), ({CHOSEN: "LARGE_DATA"}, "LARGE_DATA")])
 def test_nodes_choose_udp_where_the_user_has_not_chosen(given: dict[str, str], used: str) -> None:
     environment = {name: value for name, value in os.environ.items() if name != CHOSEN} | given
     assert said(f"import os, geodesic_motion_ros.nodes; print(os.environ['{CHOSEN}'])", environment) == used
