@@ -15,7 +15,7 @@ from typing import Any
 class CloudFigures:
     """The figures of the newest cloud: its points that count, those without a place, those out of reach, those of the
     arm and of the declared scene; how many cubes are remembered, how many clusters it has, and the time [s] that
-    reading it and making its field took, without the wait for a joint state.
+    reading it and making its field took, without the wait for a joint state. And its number among those that were used.
     """
 
     points: int = 0
@@ -26,6 +26,7 @@ class CloudFigures:
     remembered: int = 0
     clusters: int = 0
     duration: float = 0.0
+    number: int = 0
 
 
 class CloudThread:

@@ -7,6 +7,7 @@ import time
 import traceback
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -525,7 +526,7 @@ class PlannerInputs:
                 "obstacle_cloud", seen.field, *heard, lifetime, seen.clusters, seen.around, moment
             )
             if taken:
-                self._cloud_figures, self._seen = figures, seen
+                self._cloud_figures, self._seen = replace(figures, number=self._cloud_figures.number + 1), seen
         self._count_overtaken("obstacle_cloud", taken)
         self._obstacles_changed()
 

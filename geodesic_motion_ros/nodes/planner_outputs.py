@@ -233,6 +233,7 @@ class PlannerOutputs:
         values |= {f"age_{topic}": age for topic, age in sorted(ages.items())}
         values |= {f"refused_{topic}": count for topic, count in sorted(dropped.items())}
         values |= {
+            "clouds": cloud.number,
             "cloud_points": cloud.points,
             "cloud_points_not_finite": cloud.not_finite,
             "cloud_points_out_of_reach": cloud.out_of_reach,
