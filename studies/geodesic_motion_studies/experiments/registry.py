@@ -53,6 +53,7 @@ STUDIES: dict[str, Entry] = {
     "volume": Entry("volume", "Volume", "a skill learned without and with the volume term of the lower bound"),
     "dimension": Entry("dimension", "Dimension", "two to five latent dimensions, grids and neighbours", timed=True),
     "rate": Entry("running_nodes", "Rate", "planner and twin as two processes: ticks, times of reaction", timed=True),
+    "camera": Entry("running_nodes", "Camera", "a camera sees the arm: false stops, costs; a ball", timed=True),
     "literal": Entry("literal", "Literal", "held-out demonstrations by the paper to the letter, beside ours", True),
     "reshaped-tubes": Entry("reshaped_tubes", "ReshapedTubes", "a moving sphere reshapes the metric of the whole arm"),
     "paper-rate": Entry("running_nodes", "PaperRate", "ticks of the paper's planner: a second, exact ones", timed=True),

@@ -2,7 +2,8 @@
 
 `rate`: with a goal that stays or moves, a moving sphere, and clouds; with a skill of joint space also the time from an
 obstacle's message to the trajectory that answers it. `paper-rate`: the same of the paper's planner in both spaces, and
-how often a tick ends with the cheapest path.
+how often a tick ends with the cheapest path. `camera`: a depth camera sees the arm that moves, for minutes: what stops
+the arm, what clouds cost; and a ball beside the forearm, place after place, in the cloud and not.
 """
 
 from __future__ import annotations
@@ -17,6 +18,7 @@ from geodesic_motion_ros.skill.skill import Skill
 from geodesic_motion_studies.experiments.study import Report, Study, option
 
 if TYPE_CHECKING:
+    from geodesic_motion_studies.rates.camera_stream import BallRow, MinutesRow
     from geodesic_motion_studies.rates.node_rate import RateRow
     from geodesic_motion_studies.rates.reaction_time import ReactionRow
 
@@ -78,3 +80,44 @@ class PaperRate(Study):
         from geodesic_motion_studies.rates import node_rate
 
         return RateReport(node_rate.measure_paper(out / "paper-rate", self.rate, self.seconds))
+
+
+@dataclass(frozen=True)
+class CameraReport(Report):
+    """What minutes have shown, and rows of balls."""
+
+    minutes: MinutesRow
+    balls: Sequence[BallRow]
+
+    def as_dict(self) -> dict[str, Any]:
+        return {"minutes": asdict(self.minutes), "balls": [asdict(row) for row in self.balls]}
+
+    def table(self) -> str:
+        from geodesic_motion_studies.rates import camera_stream
+
+        tables = [camera_stream.minutes_table(self.minutes)]
+        if self.balls:
+            tables.append(camera_stream.balls_table(self.balls))
+        return "\n\n".join(tables)
+
+    def draw(self, path: Path) -> None:
+        """There is none."""
+
+
+@dataclass(frozen=True)
+class Camera(Study):
+    """The nodes with a camera that sees a Panda."""
+
+    minutes: float = option(10.0, "for which the arm goes to and fro")
+    points: int = option(300_000, "of a cloud, or a few more", least=1)
+    balls: int = option(10, "places of a ball beside the forearm, one after the other; 0: none", least=0)
+    seed: int = option(0, "of these places")
+    rate: float = option(100.0, "of the planner", metavar="HZ")
+
+    def measure(self, out: Path) -> CameraReport:
+        from geodesic_motion_studies.rates import camera_stream
+
+        folder, skill = out / "camera", camera_stream.SKILL
+        minutes = camera_stream.measure_minutes(skill, folder, self.minutes, self.points, self.rate)
+        places = camera_stream.ball_places(Skill.load(skill), self.balls, self.points, self.seed)
+        return CameraReport(minutes, camera_stream.measure_balls(skill, folder, places, self.points, self.rate))

@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+import os
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from types import MappingProxyType
+from typing import Any
 
 import numpy as np
 import rclpy
@@ -26,6 +29,7 @@ from geodesic_motion_ros.skill.skill import Skill
 OBSTACLES_HZ, CLOUDS_HZ, PATIENCE = 30.0, 10.0, 60.0
 _SENSOR = QoSProfile(depth=5, reliability=ReliabilityPolicy.BEST_EFFORT)
 _GREY = (0.5, 0.5, 0.5, 1.0)
+_NOTHING: Mapping[str, Any] = MappingProxyType({})
 
 #: Centres (o, 3) and radii (o,) [m] of spheres at a time [s].
 Spheres = Callable[[float], tuple[np.ndarray, np.ndarray]]
@@ -41,7 +45,7 @@ def no_spheres(_: float) -> tuple[np.ndarray, np.ndarray]:
 @dataclass(frozen=True)
 class Tick:
     """A status as received: when it came [s], the tick's number, the duration of the one before [ms], all misses, the
-    verdict's code, and by how much of its cost the path may be dearer than the cheapest.
+    verdict's code, by how much of its cost the path may be dearer than the cheapest, and the verdict's reason.
     """
 
     time: float
@@ -50,6 +54,7 @@ class Tick:
     misses: int
     code: str
     cost_gap: float
+    reason: str
 
 
 class PlannerStream:
@@ -60,8 +65,9 @@ class PlannerStream:
     spheres : the obstacles, published `OBSTACLES_HZ` times a second; each is known by its number from
         `first_number` on.
     cloud : points (n, 3) [m] at a time [s], published `CLOUDS_HZ` times a second; None: no cloud is published.
-    ticks : the planner's, since they were last cleared. code, time_to_goal : its newest verdict, and the time that
-        it still needs [s], nan where it follows no path to the goal.
+    ticks : the planner's, since they were last cleared. code, time_to_goal, goal_number, speed : of its newest status:
+        the verdict, the time that it still needs [s], nan where it follows no path to the goal, how many goals it has
+        heard, and how fast it moves the tool [m/s].
 
     Raises
     ------
@@ -70,21 +76,24 @@ class PlannerStream:
 
     def __init__(
         self, skill: str, folder: Path, rate: float, domain: int, module: str = "nodes.planner_node",
-        **parameters: object,
+        beside: Mapping[str, Sequence[str]] = _NOTHING, environment: Mapping[str, str] = _NOTHING, **parameters: object,
     ) -> None:  # fmt: skip
-        """module : of the planner. parameters : of it, besides skill and rate."""
-        self._module = module
+        """module : of the planner. beside : commands of other processes, by their names. environment : of all
+        processes, besides what keeps them on this machine. parameters : of the planner, besides skill and rate.
+        """
+        self._module, self._beside = module, beside
         self.skill = Skill.load(skill)
         self.spheres: Spheres = no_spheres
         self.first_number = 0
         self.cloud: Cloud | None = None
         self.ticks: list[Tick] = []
         self.code, self.time_to_goal = "", math.nan
+        self.goal_number, self.speed = 0, math.nan
         # Whether the planner knows where the arm is, and that somebody receives its commands.
         self._followed = False
         self._name = skill
         self._parameters = {"skill": skill, "rate": rate, "latent_view_rate": 0.0} | parameters
-        self._processes = Processes(folder, isolated_environment(domain))
+        self._processes = Processes(folder, isolated_environment(domain) | dict(environment))
         self._scene = MarkerScene(self.skill.base_frame)
         self._context = rclpy.Context()
         rclpy.init(context=self._context, domain_id=domain, signal_handler_options=SignalHandlerOptions.NO)
@@ -102,6 +111,8 @@ class PlannerStream:
         try:
             self._processes.start("twin", {"skill": self._name})
             self._processes.start("planner", self._parameters, module=self._module)
+            for name, command in self._beside.items():
+                self._processes.run(name, command)
             self.wait(lambda: self._followed and self._goals.get_subscription_count(), PATIENCE)
         except BaseException:
             self.__exit__()
@@ -147,6 +158,12 @@ class PlannerStream:
             stamp = self.node.get_clock().now().to_msg()
             self._clouds.publish(cloud_message(self.cloud(self.now()), self.skill.base_frame, stamp))
 
+    def processor_time(self, name: str) -> float:
+        """The processor time [s] that a process has taken since it began, by its name."""
+        # man 5 proc: after the name in brackets utime is the twelfth field, then comes stime.
+        fields = Path(f"/proc/{self._processes.number(name)}/stat").read_text().rpartition(")")[2].split()
+        return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
+
     def now(self) -> float:
         """The time [s] by the ROS clock."""
         return 1e-9 * self.node.get_clock().now().nanoseconds
@@ -154,7 +171,8 @@ class PlannerStream:
     def _on_status(self, message: DiagnosticArray) -> None:
         values = {pair.key: pair.value for pair in message.status[0].values}
         self.code, self.time_to_goal = values["code"], float(values["time_to_goal"])
+        self.goal_number, self.speed = int(values["goal_number"]), float(values["speed"])
         self._followed = self.code == "NO_GOAL" and values["commands_received_by"] != ""
         duration, misses = float(values["last_tick_ms"]), int(values["deadline_misses"])
         gap = float(values["cost_gap"])
-        self.ticks.append(Tick(self.now(), int(values["tick"]), duration, misses, self.code, gap))
+        self.ticks.append(Tick(self.now(), int(values["tick"]), duration, misses, self.code, gap, values["reason"]))
