@@ -35,7 +35,7 @@ SKILL = "panda_reach_to_grasp"
 FOREARM = ("panda_link3", "panda_link4", "panda_link5")
 #: How far the ball is from the forearm's spheres [m] where the arm starts; how far off the path of the forearm's
 #: spheres [rad] its direction may be; and which share of it the camera must see.
-GAP, ASIDE, VISIBLE = 0.03, math.radians(60.0), 0.5
+GAP, ASKEW, VISIBLE = 0.03, math.radians(60.0), 0.5
 #: A verdict so long after a goal was sent belongs to its change [s]; a motion is waited for so long [s], and one past a
 #: ball so long.
 CHANGE, MOTION, PAST_BALL = 0.5, 60.0, 25.0
@@ -288,7 +288,7 @@ def ball_places(skill: Skill, count: int, points: int = 300_000, seed: int = 0) 
         went = spheres[len(spheres) // 4, sphere] - spheres[0, sphere]
         direction = random.normal(size=3)
         direction /= np.linalg.norm(direction)
-        if direction @ went < math.cos(ASIDE) * np.linalg.norm(went):
+        if direction @ went < math.cos(ASKEW) * np.linalg.norm(went):
             continue
         # As far out of this sphere as it takes to leave all others of the forearm so far behind.
         along = np.linspace(0.0, 0.5, 5001)[:, None] * direction + spheres[0, sphere]
