@@ -32,18 +32,6 @@ def carry_finite(points: np.ndarray, rotation: np.ndarray, origin: np.ndarray) -
     return carried[:count], largest
 
 
-@numba.njit((POINTS, VECTOR, numba.float64), cache=True, nogil=True)
-def points_within(points: np.ndarray, centre: np.ndarray, distance: float) -> np.ndarray:
-    """Copy those of points (n, 3) that are not farther from a centre (3,): (k, 3)."""
-    kept, count = np.empty((len(points), 3)), 0
-    for n in range(len(points)):
-        x, y, z = points[n, 0] - centre[0], points[n, 1] - centre[1], points[n, 2] - centre[2]
-        if x * x + y * y + z * z <= distance * distance:
-            kept[count, 0], kept[count, 1], kept[count, 2] = points[n, 0], points[n, 1], points[n, 2]
-            count += 1
-    return kept[:count]
-
-
 @numba.njit((POINTS,), cache=True, nogil=True)
 def corners(points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Find the smallest and the largest coordinates (3,) of points (n, 3), of which there is one at least."""
