@@ -523,7 +523,7 @@ class PlannerInputs:
             # What was an obstacle may be in the hand.
             moment = MOMENT if self._seen is None or seen.held == self._seen.held else 0.0
             taken = self._tracker.replace_cloud(
-                "obstacle_cloud", seen.field, *heard, lifetime, seen.clusters, seen.around, moment
+                "obstacle_cloud", seen.field, *heard, lifetime, seen.clusters, seen.around, moment, seen.memory.sight
             )
             if taken:
                 self._cloud_figures, self._seen = replace(figures, number=self._cloud_figures.number + 1), seen

@@ -99,7 +99,7 @@ def see_cloud(
     unseen = recalled.unseen.only(~of_arm)
     things = find_things(recalled.seen, unseen.only(unseen.stands), grid)
 
-    seen = replace(recalled.seen, stands=~things.moves[things.of_seen])
+    seen = replace(recalled.seen, stands=(things.of_seen >= 0) & ~things.moves[things.of_seen])
     field = DistanceField.of_cubes(things.field_places, edge, settings.radius, settings.thickness)
     return SeenCloud(
         field, things.clusters(means, eye), settings.radius, int(np.sum(cloud.counts[unknown])), cloud.out_of_reach,

@@ -3,8 +3,8 @@
 **What stands.** A thing stands whose cubes have held points for `STOOD`, they or the ones beside them, but for a few.
 One that comes out from behind something else was there before, as far as is known.
 
-**What is not seen any more.** A cube of what stands counts on for a `MOMENT`, and as long as something is before it;
-but not any more where the camera sees through it.
+**What is not seen any more.** A cube of what does not move counts on for a `MOMENT`, and one that was seen for so long
+as long as something is before it; but not any more where the camera sees through it.
 
 **What flickers.** A cube that is seen seldom, beside one that is seen often, is noise of the surface in that one.
 """
@@ -35,13 +35,15 @@ class Cubes:
     Attributes
     ----------
     places : (m, 3) in the grid. means : (m, 3) [m] of their points of late.
-    since, last : (m,) when each was seen first without a pause, as far as is known, and last [s].
+    since : (m,) from when on they have held points without a pause, as far as is known [s]. first, last : (m,) when
+        they were seen to, first and last [s].
     share : (m,) of the clouds of late in which it was seen. stands : (m,) whether what was last seen there stands.
     """
 
     places: np.ndarray
     means: np.ndarray
     since: np.ndarray
+    first: np.ndarray
     last: np.ndarray
     share: np.ndarray
     stands: np.ndarray
@@ -50,7 +52,8 @@ class Cubes:
     def none(cls) -> Cubes:
         """Make none."""
         nothing = np.zeros(0)
-        return cls(np.zeros((0, 3), dtype=np.int64), np.zeros((0, 3)), nothing, nothing, nothing, nothing > 0.0)
+        numbers = nothing, nothing, nothing, nothing
+        return cls(np.zeros((0, 3), dtype=np.int64), np.zeros((0, 3)), *numbers, nothing > 0.0)
 
     def __len__(self) -> int:
         return len(self.places)
@@ -64,7 +67,7 @@ class Cubes:
         return Cubes(*map(np.concatenate, zip(self._arrays(), others._arrays(), strict=True)))
 
     def _arrays(self) -> tuple[np.ndarray, ...]:
-        return self.places, self.means, self.since, self.last, self.share, self.stands
+        return self.places, self.means, self.since, self.first, self.last, self.share, self.stands
 
 
 @dataclass(frozen=True, eq=False)
@@ -106,11 +109,14 @@ class CloudMemory:
         averaged = means.copy()
         averaged[again] = known.means[rows] + weight * (means[again] - known.means[rows])
         averaged[~stood] = means[~stood]
-        seen = Cubes(places, averaged, since, np.full(len(places), time), share, stood)
+        now = np.full(len(places), time)
+        first = now.copy()
+        first[again] = known.first[rows]
+        seen = Cubes(places, averaged, since, first, now, share, stood)
         absent = np.ones(len(known), dtype=bool)
         absent[rows] = False
         unseen = known.only(absent & (known.last <= time) & ~sight.sees_through(known.means))
-        hidden = unseen.stands & sight.hides(unseen.means)
+        hidden = unseen.stands & (unseen.last - unseen.first >= MOMENT) & sight.hides(unseen.means)
         unseen.share[~hidden] *= 1.0 - weight
         kept = hidden | (unseen.last >= time - MOMENT)
         return Recalled(seen, unseen.only(kept), unseen.last[kept] < time - MOMENT)

@@ -18,6 +18,7 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from geodesic_motion_ros.geometry.clusters import Cluster
+from geodesic_motion_ros.geometry.line_of_sight import LineOfSight
 from geodesic_motion_ros.obstacles.track import Place, Track
 from geodesic_motion_ros.obstacles.tracked_obstacle import TrackedObstacle
 from geodesic_motion_ros.obstacles.velocity_history import Vector
@@ -28,8 +29,12 @@ SIZE_MEMORY = 2.0
 SAME_SIZE = 0.03
 #: By so much [m] a half extent changes with the noise of a camera and the steps of its pixels.
 STEADY_SIZE = 0.01
+#: What has grown by more than this [m] in a half extent was seen in part before.
+GROWN = 0.02
 #: Spheres hold others that stick out by no more than this [m], which noise does.
 STEADY_SPHERE = 0.005
+#: What is hidden wholly goes on as it did for so long [s] at most.
+HIDDEN = 2.0
 #: Noise of a middle [m] until it is known from the detections.
 _FIRST_NOISE = 0.002
 
@@ -47,6 +52,13 @@ class _Thing:
         self._stands = False
         self.seen = -math.inf
 
+    def expected(self, time: float) -> Vector:
+        """Where it is expected (3,) [m] at a time [s]."""
+        motion = self.obstacle.newest.motion
+        passed = max(0.0, time - motion.newest[1])
+        x, y, z = (p + passed * v for p, v in zip(motion.place, motion.velocity, strict=True))
+        return x, y, z
+
     @property
     def moves(self) -> bool:
         """Whether it has a velocity that counts."""
@@ -56,6 +68,9 @@ class _Thing:
         """How far a cluster at a time [s] is from where this one is expected [m]; inf where it is another one."""
         motion = self.obstacle.newest.motion
         last = self._sizes[-1][1]
+        # What is remembered of where it was is not this one.
+        if cluster.stands and self.moves:
+            return math.inf
         if any(abs(a - b) > SAME_SIZE for a, b in zip(cluster.half, last, strict=True)):
             return math.inf
         return motion.distance(cluster.centre, time) if motion.is_reached(cluster.centre, time) else math.inf
@@ -65,12 +80,16 @@ class _Thing:
         while self._sizes and self._sizes[0][0] < time - SIZE_MEMORY:
             self._sizes.popleft()
         centre = self._placed(cluster, time)
+        if self._sizes and min(self._hidden(cluster)) < -GROWN:
+            # A part of it was seen before, and the middle of that tells nothing of how the whole moves.
+            self.obstacle = TrackedObstacle()
         self._sizes.append((time, cluster.half))
         place = np.zeros(3) if cluster.stands else np.array(centre)
-        points = np.column_stack([cluster.points - place, np.full(len(cluster.points), around)])
+        spheres = cluster.spheres - np.array([*place, -around])
         same = cluster.stands == self._stands and time <= self._spheres_seen + SIZE_MEMORY
-        if not (same and _hold(self._spheres, points)):
-            spheres = cluster.spheres - np.array([*place, -around])
+        # Of what stands another cut is no news.
+        held = np.column_stack([cluster.points - place, np.full(len(cluster.points), around)])
+        if not (same and _hold(self._spheres, held if cluster.stands else spheres)):
             self._spheres, self._spheres_seen, self._stands = spheres, time, cluster.stands
             self._radius = float(np.max(np.linalg.norm(spheres[:, :3], axis=1) + spheres[:, 3]))
         self.obstacle.see(Track(centre, self._radius, arrival, taken, math.inf), time, noise)
@@ -88,19 +107,21 @@ class _Thing:
                 centre = place.centre[0] + x, place.centre[1] + y, place.centre[2] + z
                 yield place._replace(centre=centre, radius=radius + larger)
 
+    def _hidden(self, cluster: Cluster) -> list[float]:
+        """By how much its half extents (3,) [m] have been larger of late."""
+        return [max(half[axis] for _, half in self._sizes) - cluster.half[axis] for axis in range(3)]
+
     def _placed(self, cluster: Cluster, time: float) -> Vector:
         """Where it is (3,) [m], with what is hidden of it: where it is expected, if that would show what is seen."""
         if not self._sizes:
             return cluster.centre
-        motion = self.obstacle.newest.motion
-        passed = max(0.0, time - motion.newest[1])
-        expected = tuple(p + passed * v for p, v in zip(motion.place, motion.velocity, strict=True))
-        hidden = [max(half[axis] for _, half in self._sizes) - cluster.half[axis] for axis in range(3)]
+        expected = self.expected(time)
+        hidden = self._hidden(cluster)
         if max(hidden) <= STEADY_SIZE:
             return cluster.centre
         points = np.column_stack([cluster.points - np.array(expected), np.zeros(len(cluster.points))])
         if not self._stands and _hold(self._spheres, points):
-            return expected[0], expected[1], expected[2]
+            return expected
         middle = []
         for axis in range(3):
             seen = cluster.centre[axis]
@@ -126,7 +147,14 @@ class ClusterTracks:
         self._noise = _FIRST_NOISE
 
     def replace(
-        self, clusters: Sequence[Cluster], around: float, arrival: float, taken: float, time: float, moment: float
+        self,
+        clusters: Sequence[Cluster],
+        around: float,
+        arrival: float,
+        taken: float,
+        time: float,
+        moment: float,
+        sight: LineOfSight,
     ) -> None:
         """Take the clusters of the newest cloud.
 
@@ -135,7 +163,8 @@ class ClusterTracks:
         around : radius around every point [m].
         arrival, taken : when the cloud arrived, and when it was taken [s], as of `Track`; time : the latter on the
             clock of its sender, as far as it is known [s].
-        moment : what is not seen any more counts for so long [s].
+        moment : what is not seen any more counts for so long [s], and for `HIDDEN` as long as it is hidden.
+        sight : what the camera sees.
         """
         pairs = sorted(
             (mismatch, one, i)
@@ -159,7 +188,8 @@ class ClusterTracks:
             self._noise = thing.obstacle.newest.motion.noise.deviation or self._noise
         for one, thing in enumerate(known):
             if one not in thing_of.values():
-                thing.obstacle.expires = thing.seen + moment
+                hidden = moment > 0.0 and sight.hides_beside(np.array([thing.expected(time)]))[0]
+                thing.obstacle.expires = thing.seen + (HIDDEN if hidden else moment)
         self.expire(arrival)
 
     def expire(self, now: float) -> None:

@@ -18,6 +18,7 @@ import numpy as np
 
 from geodesic_motion_ros.geometry.clusters import Cluster
 from geodesic_motion_ros.geometry.distance_field import DistanceField
+from geodesic_motion_ros.geometry.line_of_sight import LineOfSight
 from geodesic_motion_ros.geometry.point_clouds import MOMENT
 from geodesic_motion_ros.geometry.shapes import no_solids
 from geodesic_motion_ros.obstacles.cluster_tracks import ClusterTracks
@@ -259,6 +260,7 @@ class ObstacleTracker:
         clusters: Sequence[Cluster] = (),
         around: float = 0.0,
         moment: float = MOMENT,
+        sight: LineOfSight | None = None,
     ) -> bool:
         """Exchange the cloud for one that arrived at `now` [s]; False when that was overtaken and is ignored.
 
@@ -266,14 +268,14 @@ class ObstacleTracker:
         ----------
         forget_after : as of `hear`.
         clusters : what is not in the field and may move, with spheres of so large a radius `around` their points [m].
-        moment : clusters that are not seen any more count for so long [s].
+        moment : clusters that are not seen any more count for so long [s]. sight : what the camera sees.
         """
         taken = now - max(0.0, transit)
         if self._cloud_order.register(taken):
             return False
         self.hear(source, now, transit, forget_after, empty=True)
         self._cloud, self._cloud_source = cloud, source
-        self._clusters.replace(clusters, around, now, taken, now - transit, moment)
+        self._clusters.replace(clusters, around, now, taken, now - transit, moment, sight or LineOfSight.blank(None))
         self._next_expiry = min(self._next_expiry, self._clusters.changes(now))
         self._changed()
         return True

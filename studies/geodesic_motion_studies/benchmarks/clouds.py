@@ -93,7 +93,8 @@ class CloudBench:
                     seen = see_cloud(points, self._filter, joints, (), no_solids(), settings, time, seen, _ORIGIN)
                 with watches["track"]:
                     tracker.replace_cloud(
-                        "obstacle_cloud", seen.field, time, clusters=seen.clusters, around=seen.around
+                        "obstacle_cloud", seen.field, time, clusters=seen.clusters, around=seen.around,
+                        sight=seen.memory.sight,
                     )
             dropped.append(seen.of_arm)
             remembered.append(seen.remembered)

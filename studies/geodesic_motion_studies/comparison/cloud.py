@@ -101,7 +101,8 @@ class SeenInClouds(PlayedMethod):
             self._seen, PLACE,
         )  # fmt: skip
         self._tracker.replace_cloud(
-            _SOURCE, seen.field, now, now - picture.taken, clusters=seen.clusters, around=seen.around
+            _SOURCE, seen.field, now, now - picture.taken, clusters=seen.clusters, around=seen.around,
+            sight=seen.memory.sight,
         )
 
 
