@@ -4,15 +4,17 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from scipy.ndimage import label
 
-from geodesic_motion_ros.geometry.clusters import FEWEST_CUBES, MOST_PARTS, SplitCloud, split_cloud
+from geodesic_motion_ros.geometry.clusters import Cluster, cluster_radii, hanging_together
+from geodesic_motion_ros.geometry.voxels import VoxelGrid
 
-EDGE, LARGEST, MOST = 0.02, 0.25, 16
+MOST, EDGE = 32, 0.02
 EYE, HERE = np.array([1.4, -0.8, 1.2]), np.array([0.4, 0.1, 0.5])
 
 
-def split(points: np.ndarray, viewpoint: np.ndarray | None = EYE) -> SplitCloud:
-    return split_cloud(points, EDGE, LARGEST, MOST, viewpoint)
+def cover(points: np.ndarray, viewpoint: np.ndarray | None = EYE, most: int = MOST) -> Cluster:
+    return Cluster.of(points, most, False, viewpoint)
 
 
 def ball(centre: np.ndarray, radius: float, front: bool = True) -> np.ndarray:
@@ -33,73 +35,87 @@ def outside(points: np.ndarray, spheres: np.ndarray) -> float:
 
 @pytest.mark.parametrize("radius", [0.025, 0.05, 0.1])
 def test_of_the_front_of_a_ball_the_ball_is_made(radius):
-    (cluster,) = split(ball(HERE, radius)).clusters
-    (sphere,) = cluster.spheres
+    (sphere,) = cover(ball(HERE, radius)).spheres
     # A camera that is D away sees the ball from r^2 / D before its middle on: so much it is taken to be smaller.
     hidden = radius**2 / np.linalg.norm(EYE - HERE)
     np.testing.assert_allclose(sphere[:3], HERE, atol=hidden + 0.005)
     assert sphere[3] == pytest.approx(radius, abs=hidden + 0.005)
 
 
+@pytest.mark.parametrize("noise", [0.0, 0.002, 0.004])
+def test_however_noisy_the_front_of_a_ball_stays_one_sphere(noise):
+    random = np.random.default_rng(1)
+    line = (EYE - HERE) / np.linalg.norm(EYE - HERE)
+    for radius in (0.03, 0.05, 0.08):
+        for _ in range(10):
+            points = ball(HERE, radius)
+            # A camera errs along its line of sight.
+            assert len(cover(points + random.normal(0.0, noise, (len(points), 1)) * line).spheres) == 1
+    # The control: a rod of that width is of several.
+    assert len(cover(np.concatenate([ball(HERE + [0.0, y, 0.0], 0.03) for y in np.linspace(0, 0.3, 20)])).spheres) > 2
+
+
 def test_without_a_viewpoint_the_points_alone_are_held():
     points = ball(HERE, 0.05)
-    (cluster,) = split(points, None).clusters
+    cluster, toward = cover(points, None), EYE - HERE
     assert outside(points, cluster.spheres) <= 1e-12
-    assert cluster.spheres[0] @ [*(EYE - HERE), 0.0] > [*HERE, 0.0] @ np.array([*(EYE - HERE), 0.0])
+    assert cluster.spheres[0, :3] @ toward > HERE @ toward
     assert np.linalg.norm(cluster.spheres[0, :3] - HERE) > 0.008
 
 
 @pytest.mark.parametrize("viewpoint", [None, EYE, HERE], ids=["unknown", "before it", "within it"])
-def test_spheres_hold_all_points_whatever_their_shape(viewpoint):
+def test_spheres_hold_all_points_whatever_their_shape_and_are_no_more_than_allowed(viewpoint):
     random = np.random.default_rng(0)
-    for _ in range(20):
-        points = HERE + random.uniform(-0.1, 0.1, 3) * random.uniform(-1.0, 1.0, (3000, 1))
+    for number in range(30):
+        points = HERE + random.uniform(-0.2, 0.2, 3) * random.uniform(-1.0, 1.0, (1 + 10 * number, 1))
         points += random.normal(0.0, 0.01, points.shape)
-        found = split(points, viewpoint)
-        held = np.concatenate([cluster.spheres for cluster in found.clusters])
-        in_rest = np.min(np.linalg.norm(points[:, None] - found.rest, axis=2), axis=1, initial=np.inf) == 0.0
-        assert outside(points[~in_rest], held) <= 1e-12
-        for cluster in found.clusters:
-            assert 1 <= len(cluster.spheres) <= MOST_PARTS
+        kept, most = points.copy(), 2 ** (number % 6)
+        cluster = cover(points, viewpoint, most)
+        assert outside(points, cluster.spheres) <= 1e-12
+        assert 1 <= len(cluster.spheres) <= most
+        np.testing.assert_array_equal(cluster.points, kept)
+        np.testing.assert_allclose(np.add(cluster.centre, cluster.half), points.max(axis=0), atol=1e-12)
+        np.testing.assert_allclose(np.subtract(cluster.centre, cluster.half), points.min(axis=0), atol=1e-12)
 
 
-def test_balls_that_touch_are_one_cluster_of_their_own_spheres():
+def test_more_spheres_are_no_larger_together():
+    random = np.random.default_rng(2)
+    points = HERE + random.uniform(-1.0, 1.0, (500, 3)) * [0.2, 0.1, 0.02]
+    volumes = [np.sum(cover(points, None, most).spheres[:, 3] ** 3) for most in (1, 2, 4, 8, 16, 32)]
+    assert np.all(np.diff(volumes) <= 0.0)
+    assert volumes[-1] < 0.2 * volumes[0]
+
+
+def test_balls_that_touch_are_of_their_own_spheres():
     places = HERE + 0.1 * np.array([[0.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [0.0, 1.0, 1.0]])
-    (cluster,) = split(np.concatenate([ball(place, 0.05) for place in places])).clusters
-    assert len(cluster.spheres) == len(places)
-    apart = np.linalg.norm(places[:, None] - cluster.spheres[:, :3], axis=2)
+    spheres = cover(np.concatenate([ball(place, 0.05) for place in places])).spheres
+    assert len(spheres) == len(places)
+    apart = np.linalg.norm(places[:, None] - spheres[:, :3], axis=2)
     np.testing.assert_allclose(np.min(apart, axis=1), 0.0, atol=0.01)
-    np.testing.assert_allclose(cluster.spheres[:, 3], 0.05, atol=0.01)
+    np.testing.assert_allclose(spheres[:, 3], 0.05, atol=0.01)
 
 
-def test_two_things_an_empty_cube_apart_are_two():
-    # Farther apart than two edges there is one between them wherever the grid lies.
-    points = np.concatenate([ball(HERE, 0.04, False), ball(HERE + [0.0, 0.08 + 2.01 * EDGE, 0.0], 0.04, False)])
-    found = split(points)
-    assert [tuple(np.round(cluster.half, 2)) for cluster in found.clusters] == [(0.04, 0.04, 0.04)] * 2
-    assert len(found.rest) == 0
+def test_cubes_hang_together_that_touch_with_a_corner_too():
+    random, grid = np.random.default_rng(3), VoxelGrid.around(HERE, 0.2, EDGE)
+    for share in (0.0, 0.01, 0.05, 0.1, 0.5):
+        occupied = np.zeros(grid.shape, dtype=bool)
+        occupied[1:-1, 1:-1, 1:-1] = random.random(np.subtract(grid.shape, 2)) < share
+        places = random.permutation(np.argwhere(occupied) + grid.first)
+        of_cube, sizes = hanging_together(places, grid.numbered(places), grid.first)
+        numbers, count = label(occupied, np.ones((3, 3, 3)))
+        expected = numbers[tuple((places - grid.first).T)] - 1
+        # The same sets, whatever their numbers are.
+        assert len(sizes) == count == len(set(zip(of_cube.tolist(), expected.tolist(), strict=True)))
+        np.testing.assert_array_equal(sizes, np.bincount(of_cube, minlength=count))
 
 
-def test_what_is_large_and_what_is_tiny_stands():
-    x, y = np.meshgrid(np.linspace(-0.5, 0.5, 101), np.linspace(-0.5, 0.5, 101))
-    table = np.column_stack([x.ravel(), y.ravel(), np.zeros(x.size)])
-    specks = np.array([[0.0, 0.0, 0.3], [0.2, 0.0, 0.3]])
-    found = split(np.concatenate([table, ball(HERE, 0.05), specks]))
-    assert len(found.clusters) == 1
-    assert {tuple(point) for point in found.rest} == {tuple(point) for point in np.concatenate([table, specks])}
-    few = HERE + EDGE * np.arange(FEWEST_CUBES)[:, None] * [1.0, 0.0, 0.0]
-    assert len(split(few).clusters) == 1
-    assert len(split(few[:-1]).clusters) == 0
-
-
-def test_of_many_the_largest_are_taken():
-    places = HERE + 0.15 * np.arange(4)[:, None] * [0.0, 0.0, 1.0]
-    clouds = [ball(place, radius) for place, radius in zip(places, (0.03, 0.05, 0.02, 0.04), strict=True)]
-    found = split_cloud(np.concatenate(clouds), EDGE, LARGEST, 2, EYE)
-    assert [round(max(cluster.half), 2) for cluster in found.clusters] == [0.05, 0.04]
-    assert len(found.rest) == len(clouds[0]) + len(clouds[2])
-
-
-def test_a_cloud_without_points_has_none():
-    found = split(np.zeros((0, 3)))
-    assert (found.clusters, len(found.rest)) == ((), 0)
+def test_a_radius_is_that_of_the_farthest_point_from_the_middle_of_the_box():
+    random = np.random.default_rng(4)
+    points, of_point = random.normal(size=(300, 3)), random.integers(0, 5, 300)
+    of_point[:5] = np.arange(5)
+    radii = cluster_radii(points, of_point, 5)
+    for number in range(5):
+        own = points[of_point == number]
+        middle = 0.5 * (own.min(axis=0) + own.max(axis=0))
+        assert radii[number] == pytest.approx(np.max(np.linalg.norm(own - middle, axis=1)), abs=1e-12)
+    assert cluster_radii(points[:1], np.zeros(1, dtype=np.int64), 1).tolist() == [0.0]

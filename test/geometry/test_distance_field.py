@@ -113,6 +113,33 @@ def test_a_wide_cloud_has_larger_cubes_and_is_still_not_optimistic():
     assert np.all(field_distances(places, *field) <= cKDTree(points).query(places)[0] - RADIUS + 1e-9)
 
 
+@pytest.mark.parametrize("spread", [0.3, 3.0], ids=["cubes as they are", "cubes made larger"])
+def test_a_field_of_cubes_holds_every_point_in_them(spread):
+    edge, random = 0.02, np.random.default_rng(10)
+    points = random.uniform(-spread, spread, (20_000, 3))
+    places = np.unique(np.floor(points / edge + 0.5).astype(np.int64), axis=0)
+    field = DistanceField.of_cubes(places, edge, RADIUS, THICKNESS)
+    assert (field.edge > edge) is (spread > 1.0)
+    near = points[:1000] + random.normal(0.0, 0.03, (1000, 3))
+    assert np.all(field_distances(near, *field) <= cKDTree(points).query(near)[0] - RADIUS + 1e-9)
+    # A corner of a cube is of it as its middle is.
+    corners = edge * (places[:1000] + 0.5 * random.choice([-1.0, 1.0], (1000, 3)))
+    assert np.all(field_distances(corners, *field) <= -RADIUS + 1e-9)
+
+
+def test_a_field_of_cubes_is_that_of_points_at_their_middles():
+    places = np.random.default_rng(11).integers(-10, 10, (50, 3))
+    ours, other = (
+        DistanceField.of_cubes(places, 0.02, RADIUS, THICKNESS),
+        DistanceField.of(0.02 * places, 0.02, RADIUS, THICKNESS),
+    )
+    np.testing.assert_array_equal(ours.squares, other.squares)
+    np.testing.assert_array_equal(ours.placing, other.placing)
+    occupied = np.rint(ours.occupied / 0.02).astype(int)
+    assert set(map(tuple, occupied)) == set(map(tuple, places))
+    assert DistanceField.of_cubes(places[:0], 0.02, RADIUS, THICKNESS).squares.size == 0
+
+
 def test_a_cloud_without_points_is_no_field():
     assert DistanceField.of(np.empty((0, 3)), 0.02, RADIUS, THICKNESS).squares.size == 0
     assert DistanceField.none().occupied.shape == (0, 3)

@@ -4,13 +4,9 @@ from __future__ import annotations
 
 import threading
 
-import numpy as np
 import pytest
 
-from geodesic_motion_ros.geometry.distance_field import REACH
 from geodesic_motion_ros.nodes.cloud_thread import CloudThread
-from geodesic_motion_ros.nodes.seen_cloud import points_near
-from geodesic_motion_ros.robot.kinematics import Robot
 
 PATIENCE = 5.0
 
@@ -97,14 +93,3 @@ def test_a_thread_stops_whether_or_not_it_began(work):
     thread.stop()
     thread.put("late")
     assert not work.begun.acquire(timeout=0.05)
-
-
-def test_points_that_could_matter_are_kept():
-    robot, random = Robot.named("panda"), np.random.default_rng(0)
-    points = random.uniform(-3.0, 3.0, (2000, 3))
-    kept = points_near(points, robot)
-    away = np.linalg.norm(points - robot.shoulder, axis=1)
-    assert 0 < len(kept) < len(points)
-    assert len(kept) >= np.count_nonzero(away <= robot.reach + REACH)
-    assert set(map(tuple, kept)) <= set(map(tuple, points))
-    np.testing.assert_array_equal(points_near(kept, robot), kept)
