@@ -142,6 +142,7 @@ class CameraStream:
             camera_frame=FRAME, camera_pose=[*place.tolist(), *quaternion.tolist()],
             required_obstacle_topics=["obstacle_cloud"], scene="none",
         )  # fmt: skip
+        stream.spheres = None
         heard = cls(stream)
         stream.node.create_subscription(JointState, "joint_states", heard._on_joints, QoSProfile(depth=10))
         stream.node.create_subscription(DiagnosticArray, "/diagnostics", heard._on_diagnostics, QoSProfile(depth=10))

@@ -63,7 +63,7 @@ class PlannerStream:
     Attributes
     ----------
     spheres : the obstacles, published `OBSTACLES_HZ` times a second; each is known by its number from
-        `first_number` on.
+        `first_number` on. None: nothing is published, nor waited for.
     cloud : points (n, 3) [m] at a time [s], published `CLOUDS_HZ` times a second; None: no cloud is published.
     ticks : the planner's, since they were last cleared. code, time_to_goal, goal_number, speed : of its newest status:
         the verdict, the time that it still needs [s], nan where it follows no path to the goal, how many goals it has
@@ -83,7 +83,7 @@ class PlannerStream:
         """
         self._module, self._beside = module, beside
         self.skill = Skill.load(skill)
-        self.spheres: Spheres = no_spheres
+        self.spheres: Spheres | None = no_spheres
         self.first_number = 0
         self.cloud: Cloud | None = None
         self.ticks: list[Tick] = []
@@ -146,6 +146,8 @@ class PlannerStream:
 
     def tell_spheres(self) -> None:
         """Tell where the spheres are now."""
+        if self.spheres is None:
+            return
         stamp, frame = self.node.get_clock().now().to_msg(), self.skill.base_frame
         markers = [
             sphere_marker("stream", number, centre, radius, _GREY, frame, stamp)
