@@ -24,6 +24,7 @@ from rclpy.time import Time
 from sensor_msgs.msg import JointState, PointCloud2
 
 from geodesic_motion_ros.nodes.messages import cloud_message, diagnostic_array, diagnostic_status, seconds
+from geodesic_motion_ros.nodes.running import go_first
 from geodesic_motion_ros.robot.collision_model import CollisionModel
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_studies.rates.depth_picture import DepthPicture
@@ -93,6 +94,8 @@ def main(arguments: Sequence[str] | None = None) -> None:
     seen = Camera(given.robot, given.points, None if given.ball is None else np.array(given.ball))
     executor = EventsExecutor()
     executor.add_node(seen.node)
+    # A camera does not wait for a core.
+    go_first()
     with suppress(KeyboardInterrupt):
         while True:
             executor.spin_once(timeout_sec=0.1)
