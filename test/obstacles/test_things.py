@@ -1,0 +1,165 @@
+"""Things: what hangs together is a cluster if it is small, stands or moves as its cubes do, and is cubes otherwise."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from geodesic_motion_ros.geometry.line_of_sight import LineOfSight
+from geodesic_motion_ros.geometry.voxels import VoxelGrid
+from geodesic_motion_ros.obstacles.cloud_memory import NEW_SHARE, OFTEN, SELDOM, CloudMemory, Cubes
+from geodesic_motion_ros.obstacles.things import (
+    FEWEST_CUBES,
+    LARGEST,
+    MOST_CLUSTERS,
+    MOST_PARTS,
+    MOST_SPHERES,
+    Things,
+    find_things,
+)
+
+EDGE = 0.02
+GRID = VoxelGrid.around(np.zeros(3), 1.0, EDGE)
+NONE = Cubes.none()
+Where = tuple[int, int, int]
+
+
+def block(corner: Where, shape: Where = (3, 3, 3), stands: bool = True, share: float = 1.0) -> Cubes:
+    """Cubes from a corner on, with the middles of their points a little off their own."""
+    places = np.ascontiguousarray(np.argwhere(np.ones(shape)) + corner)
+    means = EDGE * places + np.random.default_rng(0).uniform(-0.004, 0.004, places.shape)
+    seen = CloudMemory.nothing(EDGE).recall(places, means, 0.0, GRID, LineOfSight.blank(None)).seen
+    return replace(seen, stands=np.full(len(places), stands), share=np.full(len(places), share))
+
+
+def find(*seen: Cubes, remembered: Cubes = NONE) -> Things:
+    together = NONE
+    for one in seen:
+        together = together.beside(one)
+    return find_things(together, remembered, GRID)
+
+
+def same(places: np.ndarray, *expected: Cubes) -> bool:
+    """Whether places (n, 3) are those of cubes, in any order."""
+    return sorted(map(tuple, places.tolist())) == sorted(
+        tuple(place) for one in expected for place in one.places.tolist()
+    )
+
+
+@pytest.mark.parametrize("stands", [True, False])
+def test_a_small_thing_is_a_cluster_and_moves_unless_its_cubes_stand(stands):
+    seen = block((5, 5, 5), stands=stands)
+    things = find(seen)
+    (cluster,) = things.clusters(seen.means, None)
+    assert cluster.stands is stands
+    assert things.moves[things.of_seen].tolist() == [not stands] * len(seen)
+    np.testing.assert_array_equal(cluster.points, seen.means)
+    assert len(things.field_places) == 0
+
+
+@pytest.mark.parametrize(("new", "moves"), [(0, False), (9, False), (11, True)])
+def test_it_stands_but_for_a_few_new_cubes(new, moves):
+    seen = block((5, 5, 5), (4, 5, 5))
+    assert NEW_SHARE == 0.1
+    seen.stands[np.random.default_rng(1).permutation(100)[:new]] = False
+    things = find(seen)
+    assert things.moves[things.of_seen].tolist() == [moves] * len(seen)
+
+
+@pytest.mark.parametrize("stands", [True, False])
+def test_what_is_large_or_of_few_cubes_stands_cube_by_cube(stands):
+    longest = round(2.0 * LARGEST / EDGE)
+    large, tiny = block((0, 0, 0), (longest + 2, 1, 1), stands), block((0, 20, 0), (FEWEST_CUBES - 1, 1, 1), stands)
+    things = find(large, tiny)
+    assert things.clusters(things.cubes.means, None) == ()
+    assert same(things.field_places, large, tiny)
+    assert not things.moves.any()
+    # The controls: a little less, and one more.
+    other = find(block((0, 0, 0), (longest - 2, 1, 1), stands), block((0, 20, 0), (FEWEST_CUBES, 1, 1), stands))
+    assert len(other.clusters(other.cubes.means, None)) == 2
+
+
+def test_what_touches_is_one_and_what_does_not_is_two():
+    one, touching, apart = block((0, 0, 0)), block((3, 3, 3)), block((4, 0, 0))
+    assert len(find(one, touching).chosen) == 1
+    assert len(find(one, apart).chosen) == 2
+
+
+class TestRemembered:
+    def test_belongs_to_what_it_touches_that_stands(self):
+        seen, unseen = block((5, 5, 5)), block((8, 5, 5))
+        things = find(seen, remembered=unseen)
+        (cluster,) = things.clusters(seen.means, None)
+        np.testing.assert_array_equal(cluster.points, np.concatenate([seen.means, unseen.means]))
+        assert len(things.field_places) == 0
+
+    def test_of_what_moves_it_stays_where_it_was(self):
+        seen, unseen = block((5, 5, 5), stands=False), block((8, 5, 5))
+        things = find(seen, remembered=unseen)
+        fresh = seen.means + 0.001
+        (cluster,) = things.clusters(fresh, None)
+        assert not cluster.stands
+        np.testing.assert_array_equal(cluster.points, fresh)
+        assert same(things.field_places, unseen)
+
+    def test_is_a_thing_of_its_own_if_it_touches_nothing(self):
+        seen, unseen = block((5, 5, 5), stands=False), block((15, 5, 5))
+        things = find(seen, remembered=unseen)
+        assert sorted(cluster.stands for cluster in things.clusters(seen.means, None)) == [False, True]
+        # A thing of which nothing is seen has no new cubes.
+        assert not things.moves[things.of_cube[len(seen) :]].any()
+
+
+class TestNoise:
+    @pytest.mark.parametrize(("share", "joined"), [(SELDOM - 0.1, False), (SELDOM + 0.1, True)])
+    def test_joins_nothing_and_is_nowhere(self, share, joined):
+        left, right = block((0, 0, 0), share=OFTEN + 0.1), block((4, 0, 0), share=OFTEN + 0.1)
+        between = block((3, 1, 1), (1, 1, 1), share=share)
+        things = find(left, between, right)
+        assert len(things.chosen) == (1 if joined else 2)
+        assert (things.of_cube[len(left)] >= 0) is np.bool_(joined)
+        held = np.concatenate([cluster.points for cluster in things.clusters(things.cubes.means, None)])
+        assert len(held) == len(left) + len(right) + joined
+        assert len(things.field_places) == 0
+
+    def test_does_not_make_a_table_move_nor_larger(self):
+        table = block((-30, -30, 0), (60, 60, 1))
+        things = find(table, block((0, 0, 1), (5, 5, 1), stands=False, share=SELDOM - 0.1))
+        assert same(things.field_places, table)
+
+
+class TestMany:
+    """More small things than become clusters: rows of rods."""
+
+    @staticmethod
+    def rods(count: int, stands: bool, row: int) -> list[Cubes]:
+        return [block((3 * number - 40, row, 0), (1, 1, 4 + number), stands) for number in range(count)]
+
+    def test_those_that_move_and_the_largest_are_taken(self):
+        standing, moving = self.rods(MOST_CLUSTERS, True, 0), self.rods(3, False, 10)
+        things = find(*standing, *moving)
+        assert len(things.chosen) == MOST_CLUSTERS
+        assert same(things.field_places, *standing[:3])
+
+    def test_those_that_move_and_are_one_too_many_stand(self):
+        moving = self.rods(MOST_CLUSTERS + 2, False, 0)
+        things = find(*moving)
+        assert same(things.field_places, *moving[:2])
+        assert np.count_nonzero(things.moves) == MOST_CLUSTERS
+        assert not things.moves[things.of_seen[: len(moving[0]) + len(moving[1])]].any()
+
+    @pytest.mark.parametrize("count", [1, 3, MOST_CLUSTERS])
+    def test_there_are_no_more_spheres_than_allowed(self, count):
+        rods = [block((4 * number - 40, 0, 0), (1, 20, 1)) for number in range(count)]
+        things = find(*rods)
+        spheres = [len(cluster.spheres) for cluster in things.clusters(things.cubes.means, None)]
+        assert len(spheres) == count
+        assert sum(spheres) <= MOST_SPHERES
+        assert 1 < max(spheres) <= MOST_PARTS
+
+
+def test_no_cubes_are_no_things():
+    things = find()
+    assert (things.clusters(np.zeros((0, 3)), None), len(things.field_places), len(things.cubes)) == ((), 0, 0)
