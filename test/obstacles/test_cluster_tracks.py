@@ -9,8 +9,9 @@ import pytest
 
 from geodesic_motion_ros.geometry.clusters import Cluster
 from geodesic_motion_ros.geometry.distance_field import DistanceField
+from geodesic_motion_ros.geometry.line_of_sight import LineOfSight
 from geodesic_motion_ros.geometry.point_clouds import MOMENT
-from geodesic_motion_ros.obstacles.cluster_tracks import SAME_SIZE, STEADY_SIZE
+from geodesic_motion_ros.obstacles.cluster_tracks import GROWN, HIDDEN, SAME_SIZE, STEADY_SIZE, STEADY_SPHERE
 from geodesic_motion_ros.obstacles.tracker import ObstacleSet, ObstacleTracker
 
 RATE, AROUND, RADIUS = 30.0, 0.01, 0.05
@@ -20,7 +21,8 @@ HERE, VELOCITY = np.array([0.4, 0.1, 0.5]), np.array([0.2, -0.1, 0.05])
 def ball(centre: Sequence[float] | np.ndarray, radius: float = RADIUS) -> Cluster:
     """All of a ball."""
     x, y, z = (float(c) for c in centre)
-    return Cluster((x, y, z), (radius,) * 3, np.array([[x, y, z, radius]]))
+    points = np.array([x, y, z]) + radius * np.concatenate([np.eye(3), -np.eye(3)])
+    return Cluster((x, y, z), (radius,) * 3, points, np.array([[x, y, z, radius]]))
 
 
 class Clouds:
@@ -33,12 +35,13 @@ class Clouds:
     def now(self) -> float:
         return self.number / RATE
 
-    def show(self, *clusters: Cluster, moment: float = MOMENT) -> ObstacleSet:
+    def show(self, *clusters: Cluster, moment: float = MOMENT, sight: LineOfSight | None = None) -> ObstacleSet:
         """The obstacles after the next cloud."""
         self.number += 1
         self.tracker.replace_cloud(
-            "obstacle_cloud", DistanceField.none(), self.now, clusters=clusters, around=AROUND, moment=moment
-        )
+            "obstacle_cloud", DistanceField.none(), self.now, clusters=clusters, around=AROUND, moment=moment,
+            sight=sight,
+        )  # fmt: skip
         return self.tracker.current(self.now)
 
 
@@ -58,21 +61,19 @@ def test_a_cluster_is_known_with_its_velocity_as_a_marker_is(velocity, noise):
 
 
 def test_what_is_hidden_of_a_cluster_is_neither_lost_nor_a_motion():
-    """An edge passes over a ball that stands, until a third of it is seen."""
-    clouds = Clouds()
-    for _ in range(30):
-        clouds.show(ball(HERE))
-    for share in np.linspace(1.0, 0.3, 30):
-        seen = ball(HERE, share * RADIUS)
-        # Of the box the lower side goes on with the edge.
-        middle = HERE + [(1.0 - share) * RADIUS, 0.0, 0.0]
-        half = share * RADIUS, RADIUS, RADIUS
-        spheres = seen.spheres + np.array([*(middle - HERE), 0.0])
-        known = clouds.show(Cluster(tuple(middle), half, spheres))
-        reached = np.linalg.norm(known.centres - HERE, axis=1) + RADIUS
+    """An edge passes over a ball that stands, at 7 cm / s, until a third of it is seen."""
+    clouds, eye = Clouds(), np.array([1.4, -0.8, 1.2])
+    random = np.random.default_rng(1).normal(size=(3000, 3))
+    directions = random / np.linalg.norm(random, axis=1, keepdims=True)
+    whole, across = HERE + RADIUS * directions, np.cross(eye - HERE, [0.0, 0.0, 1.0])
+    front, across = np.sum(directions * (eye - whole), axis=1) > 0.0, across / np.linalg.norm(across)
+    for share in np.concatenate([np.ones(30), np.linspace(1.0, 0.3, 30)]):
+        seen = front & (directions @ across >= 1.0 - 2.0 * share)
+        known = clouds.show(Cluster.of(whole[seen], 32, False, eye))
+        outside = np.min(np.linalg.norm(whole[:, None] - known.centres, axis=2) - known.radii, axis=1)
         # What the steps of pixels might be is taken as it is seen.
-        assert np.min(reached - known.radii) <= STEADY_SIZE
-    np.testing.assert_allclose(known.velocities, 0.0, atol=0.01)
+        assert np.max(outside) <= STEADY_SIZE
+        assert np.max(np.linalg.norm(known.velocities, axis=1)) < 0.035
     assert set(known.labels) == {"obstacle_cloud/cluster/0"}
 
 
@@ -88,6 +89,96 @@ def test_what_is_not_seen_any_more_moves_on_for_a_moment():
         assert np.min(np.linalg.norm(there.centres - place, axis=1)) < 0.01
     clouds.number += 2
     assert len(clouds.tracker.current(clouds.now)) == 0
+
+
+@pytest.mark.parametrize(("wall", "lasts"), [(0.1, HIDDEN), (3.0, MOMENT)], ids=["hidden", "in view"])
+def test_what_moves_and_is_hidden_goes_on_as_it_did(wall, lasts):
+    """A wall is seen so far from the camera [m], in all directions."""
+    blank = LineOfSight.blank(np.zeros(3))
+    sight, clouds = LineOfSight(blank.eye, np.full_like(blank.nearest, wall**2)), Clouds()
+    for number in range(30):
+        clouds.show(ball(HERE + (number + 1) / RATE * VELOCITY))
+    last = clouds.now
+    while clouds.now < last + lasts - 1.5 / RATE:
+        there = clouds.show(sight=sight).moved_on(clouds.now, HIDDEN, 0.0)
+        place = HERE + clouds.now * VELOCITY
+        assert np.min(np.linalg.norm(there.centres - place, axis=1) - there.radii) < 0.0
+    clouds.show(sight=sight)
+    assert len(clouds.show(sight=sight)) == 0
+
+
+def test_of_what_comes_out_into_view_the_velocity_is_worked_out_anew():
+    """The middle of what is seen of it moves, and that is no motion of the whole."""
+    clouds, random = Clouds(), np.random.default_rng(1).normal(size=(2000, 3))
+    points = HERE + 2.0 * RADIUS * random / np.linalg.norm(random, axis=1, keepdims=True)
+    # In the second of these clouds it is larger than in the first one by more than what says so.
+    assert 2.0 * RADIUS * (1.0 - 0.75) > GROWN
+    for share in np.concatenate([np.linspace(0.5, 0.75, 20), np.ones(10)]):
+        seen = points[points[:, 0] >= HERE[0] + 2.0 * (1.0 - 2.0 * share) * RADIUS]
+        known = clouds.show(Cluster.of(seen, 1, False, None))
+    np.testing.assert_allclose(known.velocities, 0.0, atol=0.01)
+
+
+class TestStanding:
+    """Clusters that are known to stand."""
+
+    @staticmethod
+    def standing(offset: float = 0.0, spheres: int = 1) -> Cluster:
+        """A rod along x, an end of it farther by an offset [m]."""
+        points = HERE + np.column_stack([np.linspace(-0.1, 0.1 + offset, 50), *np.zeros((2, 50))])
+        return Cluster.of(points, spheres, True, None)
+
+    def test_have_their_spheres_and_no_velocity(self):
+        clouds, random = Clouds(), np.random.default_rng(0)
+        for _ in range(60):
+            cluster = self.standing(spheres=4)
+            known = clouds.show(cluster._replace(centre=tuple(cluster.centre + 0.01 * random.normal(size=3))))
+        np.testing.assert_allclose(known.centres, cluster.spheres[:, :3], atol=1e-12)
+        np.testing.assert_allclose(known.radii, cluster.spheres[:, 3] + AROUND, atol=1e-12)
+        assert not known.velocities.any()
+        # The control: they are not known to stand.
+        moving = Clouds()
+        for number in range(30):
+            known = moving.show(ball(HERE + number / RATE * VELOCITY)._replace(stands=False))
+        assert known.velocities.any()
+
+    @pytest.mark.parametrize(
+        ("offset", "spheres", "kept"),
+        [(0.0, 4, True), (0.5 * STEADY_SPHERE, 1, True), (2.0 * STEADY_SPHERE, 1, False)],
+        ids=["cut otherwise", "noise", "grown"],
+    )
+    def test_keep_their_spheres_while_these_hold_their_points(self, offset, spheres, kept):
+        clouds = Clouds()
+        before = clouds.show(self.standing())
+        after = clouds.show(self.standing(offset, spheres))
+        assert np.array_equal(before.centres, after.centres) is kept
+        assert np.array_equal(before.radii, after.radii) is kept
+
+    def test_have_new_spheres_once_they_move(self):
+        clouds = Clouds()
+        clouds.show(ball(HERE)._replace(stands=True))
+        for number in range(60):
+            place = HERE + (number + 1) / RATE * VELOCITY
+            known = clouds.show(ball(place))
+        assert set(known.labels) == {"obstacle_cloud/cluster/0"}
+        np.testing.assert_allclose(known.velocities, [VELOCITY] * len(known), atol=0.05)
+        assert np.all(np.linalg.norm(known.centres - place, axis=1) + RADIUS <= known.radii + 1e-9)
+
+    def test_are_not_what_has_moved_away_from_their_place(self):
+        """What is remembered of where it was is as large as it, and nearer to where it was last."""
+        clouds = Clouds()
+        for number in range(60):
+            place = HERE + number / RATE * VELOCITY
+            moving = ball(place)
+            known = clouds.show(moving)
+        stays = ball(place)._replace(stands=True)
+        for number in range(60, 90):
+            place = HERE + number / RATE * VELOCITY
+            known = clouds.show(stays, ball(place))
+            first = np.array([label.endswith("/0") for label in known.labels])
+            np.testing.assert_allclose(known.velocities[first], [VELOCITY] * sum(first), atol=0.02)
+            assert not known.velocities[~first].any()
+        assert set(known.labels) == {"obstacle_cloud/cluster/0", "obstacle_cloud/cluster/1"}
 
 
 def test_clouds_farther_apart_than_a_moment_keep_what_they_show():
@@ -132,7 +223,8 @@ def test_each_sphere_of_a_cluster_moves_with_it():
     spheres = np.array([[-0.06, 0.0, 0.0, 0.04], [0.06, 0.0, 0.0, 0.05]])
     for number in range(30):
         place = HERE + (number + 1) / RATE * VELOCITY
-        known = clouds.show(Cluster(tuple(place), (0.11, 0.05, 0.05), spheres + np.array([*place, 0.0])))
+        of_place = spheres + np.array([*place, 0.0])
+        known = clouds.show(Cluster(tuple(place), (0.11, 0.05, 0.05), of_place[:, :3], of_place))
     assert len(known) == 1
     np.testing.assert_allclose(known.centres, place + spheres[:, :3], atol=1e-6)
     np.testing.assert_allclose(known.radii, spheres[:, 3] + AROUND, atol=1e-6)
