@@ -84,12 +84,12 @@ def test_where_a_direction_shows_no_point_nothing_is_known(direction):
 
 def test_beside_what_is_near_nothing_is_seen_through_though_it_is_not_hidden():
     """The edge of something near before a wall."""
-    ahead, aside = np.array([1.0, 0.0, 0.0]), np.array([0.0, 1.0, 0.0])
+    ahead, sideways = np.array([1.0, 0.0, 0.0]), np.array([0.0, 1.0, 0.0])
     near = disc(ahead, 0.5, 0.1)
     sight = see(np.concatenate([near, disc(ahead, 2.0, 0.5)]))
     # In the next square beyond the edge of the near one, and in the third.
     edge = np.max((near - EYE)[:, 1] / 0.5)
-    beside, far = (EYE + 1.0 * (ahead + (edge + squares * SQUARE) * aside)[None] for squares in (1.0, 3.0))
+    beside, far = (EYE + 1.0 * (ahead + (edge + squares * SQUARE) * sideways)[None] for squares in (1.0, 3.0))
     assert sight.hides_beside(beside).all()
     assert not sight.sees_through(beside).any()
     assert not sight.hides(beside).any()
@@ -109,9 +109,9 @@ def test_the_nearest_point_of_a_direction_counts():
 def test_from_an_unknown_place_nothing_is_hidden_and_nothing_seen_through():
     sight = see(disc(np.array([1.0, 0.0, 0.0]), 1.0, 0.1), None)
     points = EYE + np.array([[0.5, 0.0, 0.0], [2.0, 0.0, 0.0], [0.0, 0.0, 0.0]])
-    for told in (sight.hides(points), sight.hides_beside(points), sight.sees_through(points)):
-        assert told.shape == (3,)
-        assert not told.any()
+    for result in (sight.hides(points), sight.hides_beside(points), sight.sees_through(points)):
+        assert result.shape == (3,)
+        assert not result.any()
 
 
 def test_what_is_where_the_eye_is_is_not_hidden():

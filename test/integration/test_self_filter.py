@@ -138,7 +138,7 @@ def reach(bench: Bench, options: dict[str, object], others: np.ndarray, **parame
 
 
 def test_a_ball_one_centimetre_from_the_path_of_the_forearm_is_avoided(bench, options):
-    camera = reach(bench, options, ball([0.329, 0.148, 0.291], 0.05))
+    camera = reach(bench, options, ball([0.329, 0.148, 0.291], 0.05), obstacle_cloud_radius=0.02)
     bench.wait_for_code("OK")
     bench.wait(bench.at_goal, "the arm at its goal")
     assert camera.travelled > 1.0

@@ -517,7 +517,7 @@ class TestSelfFilter:
 
         come()
         figures = camera.show(camera.arm(off=0.01)[:1])
-        assert (figures.points, figures.of_arm, figures.remembered) == (1, 1, 1)
+        assert (figures.points, figures.of_arm, figures.remembered) == (0, 1, 1)
         assert camera.middles() == 1
         camera.bench.inputs.clear_obstacles()
         assert camera.middles() == 0

@@ -282,7 +282,7 @@ class TestTouchingTheArm:
         clouds.settings = replace(SETTINGS, voxel=0.03)
         assert shows_nothing(clouds.show())
 
-    def test_the_arm_leaves_nothing_where_it_was_in_the_way(self):
+    def test_the_arm_leaves_nothing_where_it_was(self):
         """The camera sees the arm and the wall behind it, and then that wall alone."""
         centres, radii = ARM.spheres(ROBOT.ready, ())
         arm = np.concatenate([ball(centre, radius) for centre, radius in zip(centres, radii, strict=True)])

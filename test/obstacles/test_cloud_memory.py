@@ -192,5 +192,5 @@ class TestOfLate:
 )
 def test_what_is_seen_seldom_beside_what_is_seen_often_is_noise(place, shares, noise):
     places = np.concatenate([ONE, place])
-    told = flickering(places, GRID.numbered(places), GRID.first, np.array(shares))
-    assert told.tolist() == [False, noise]
+    found = flickering(places, GRID.numbered(places), GRID.first, np.array(shares))
+    assert found.tolist() == [False, noise]
