@@ -49,7 +49,7 @@ class _Thing:
         self._sizes: deque[tuple[float, Vector]] = deque()
         # Spheres (k, 4) around the place [m], the radius that holds them all, and when they were seen [s].
         self._spheres, self._radius, self._spheres_seen = np.zeros((0, 4)), 0.0, -math.inf
-        self._stands = False
+        self.stands = False
         self.seen = -math.inf
 
     def expected(self, time: float) -> Vector:
@@ -62,7 +62,7 @@ class _Thing:
     @property
     def moves(self) -> bool:
         """Whether it has a velocity that counts."""
-        return not self._stands and self.obstacle.newest.moves
+        return not self.stands and self.obstacle.newest.moves
 
     def mismatch(self, cluster: Cluster, time: float) -> float:
         """How far a cluster at a time [s] is from where this one is expected [m]; inf where it is another one."""
@@ -86,18 +86,18 @@ class _Thing:
         self._sizes.append((time, cluster.half))
         place = np.zeros(3) if cluster.stands else np.array(centre)
         spheres = cluster.spheres - np.array([*place, -around])
-        same = cluster.stands == self._stands and time <= self._spheres_seen + SIZE_MEMORY
+        same = cluster.stands == self.stands and time <= self._spheres_seen + SIZE_MEMORY
         # Of what stands another cut is no news.
         held = np.column_stack([cluster.points - place, np.full(len(cluster.points), around)])
         if not (same and _hold(self._spheres, held if cluster.stands else spheres)):
-            self._spheres, self._spheres_seen, self._stands = spheres, time, cluster.stands
+            self._spheres, self._spheres_seen, self.stands = spheres, time, cluster.stands
             self._radius = float(np.max(np.linalg.norm(spheres[:, :3], axis=1) + spheres[:, 3]))
         self.obstacle.see(Track(centre, self._radius, arrival, taken, math.inf), time, noise)
         self.seen = arrival
 
     def places(self, now: float, most: int) -> Iterator[Place]:
         """Where each of its spheres may be; most : as of `Track.places`."""
-        if self._stands:
+        if self.stands:
             for x, y, z, radius in self._spheres.tolist():
                 yield Place((x, y, z), radius, None, (0.0, 0.0, 0.0), 0.0, self.obstacle.newest.since)
             return
@@ -120,7 +120,7 @@ class _Thing:
         if max(hidden) <= STEADY_SIZE:
             return cluster.centre
         points = np.column_stack([cluster.points - np.array(expected), np.zeros(len(cluster.points))])
-        if not self._stands and _hold(self._spheres, points):
+        if not self.stands and _hold(self._spheres, points):
             return expected
         middle = []
         for axis in range(3):
@@ -189,7 +189,9 @@ class ClusterTracks:
         for one, thing in enumerate(known):
             if one not in thing_of.values():
                 hidden = moment > 0.0 and sight.hides_beside(np.array([thing.expected(time)]))[0]
-                thing.obstacle.expires = thing.seen + (HIDDEN if hidden else moment)
+                # `CloudMemory` shows what stands for as long as it counts.
+                counts = 0.0 if thing.stands else HIDDEN if hidden else moment
+                thing.obstacle.expires = thing.seen + counts
         self.expire(arrival)
 
     def expire(self, now: float) -> None:
