@@ -521,8 +521,9 @@ class TestSelfFilter:
         assert camera.middles() == 1
         camera.bench.inputs.clear_obstacles()
         assert camera.middles() == 0
-        assert camera.show(camera.arm(off=0.01)[:1]).points == 0
+        assert camera.show(camera.arm(off=0.01)[:1]).remembered == 0
         come()
         camera.bench.go(MOMENT)
         camera.tell_joints()
-        assert camera.show(camera.arm(off=0.01)[:1]).points == 0
+        assert camera.show(camera.arm(off=0.01)[:1]).remembered == 0
+        assert camera.middles() == 0
