@@ -45,6 +45,7 @@ def options(skill_folder):
         "latency": 0.1,
         "latent_view_rate": 0.0,
         "required_obstacle_topics": ["obstacle_cloud"],
+        "obstacle_cloud_radius": 0.005,
     }
 
 
@@ -56,9 +57,9 @@ class Camera:
     moving : points (m, 3) [m] at a time [s] of what moves.
     """
 
-    def __init__(self, bench: Bench, others: np.ndarray) -> None:
-        """others : (n, 3) [m] points of what stands beside the arm."""
-        self._bench, self._others = bench, others
+    def __init__(self, bench: Bench, others: np.ndarray, seen: bool = True) -> None:
+        """others : (n, 3) [m] points of what stands beside the arm, in its clouds where it is seen."""
+        self._bench, self._others, self._shown = bench, others, others if seen else NOTHING
         self._random = np.random.default_rng(0)
         directions = self._random.normal(size=(len(SPHERES), 60, 3))
         self._surface = SPHERES.radii[:, None, None] * directions / np.linalg.norm(directions, axis=2, keepdims=True)
@@ -82,7 +83,7 @@ class Camera:
         arm = (centres[:, None] + self._surface).reshape(-1, 3)
         arm += self._random.normal(0.0, NOISE, arm.shape)
         stamp = Time(nanoseconds=round(1e9 * time)).to_msg()
-        self._publisher.publish(cloud_message(np.concatenate([arm, self._others, self.moving(time)]), BASE, stamp))
+        self._publisher.publish(cloud_message(np.concatenate([arm, self._shown, self.moving(time)]), BASE, stamp))
 
     @property
     def gaps(self) -> np.ndarray:
@@ -126,24 +127,26 @@ def test_an_arm_in_the_cloud_does_not_stop_itself(bench, options, skill, start_j
     bench.wait(lambda: bench.health().get("cloud_points_of_arm") == str(figures.of_arm), "the figures of the cloud")
 
 
-def reach(bench: Bench, options: dict[str, object], others: np.ndarray, **parameters: object) -> Camera:
+def reach(
+    bench: Bench, options: dict[str, object], others: np.ndarray, seen: bool = True, **parameters: object
+) -> Camera:
     """Send the arm of a shipped skill to its goal, past what stands there."""
     bench.watch_planner()
     bench.add(TwinNode, skill=REACH)
     bench.add(PlannerNode, **options | {"skill": REACH} | parameters)
-    camera = Camera(bench, others)
+    camera = Camera(bench, others, seen)
     bench.wait_for_code("NO_GOAL")
     bench.send_goal(Skill.load(REACH).goal_pose)
     return camera
 
 
-def test_a_ball_one_centimetre_from_the_path_of_the_forearm_is_avoided(bench, options):
-    camera = reach(bench, options, ball([0.329, 0.148, 0.291], 0.05), obstacle_cloud_radius=0.02)
+@pytest.mark.parametrize("seen", [True, False], ids=["seen", "control: not in the cloud"])
+def test_a_ball_two_centimetres_in_the_path_of_the_forearm_is_avoided(bench, options, seen):
+    camera = reach(bench, options, ball([0.315, 0.148, 0.318], 0.05), seen)
     bench.wait_for_code("OK")
     bench.wait(bench.at_goal, "the arm at its goal")
     assert camera.travelled > 1.0
-    # What is around its points, `obstacle_cloud_radius`.
-    assert np.min(camera.gaps) > 0.02
+    assert bool(np.min(camera.gaps) > options["obstacle_cloud_radius"]) is seen
 
 
 def test_a_ball_that_moves_is_known_with_its_velocity_and_what_stands_stands(bench, options):
