@@ -11,6 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
+from geodesic_motion_ros.geometry.clusters import Cluster
 from geodesic_motion_ros.geometry.distance_field import DistanceField
 from geodesic_motion_ros.geometry.shapes import solid_distances, solid_rows
 from geodesic_motion_ros.obstacles.track import MOTION_LASTS, REORDER_WINDOW
@@ -277,6 +278,18 @@ def test_a_cloud_replaces_the_one_before_and_is_cleared_with_the_rest():
     tracker.replace_cloud("obstacle_cloud", first, now=0.3)
     tracker.clear()
     assert len(tracker.current(0.3)) == 0
+
+
+@pytest.mark.parametrize("stands", [True, False], ids=["stands", "control: may move"])
+def test_a_cluster_that_stands_counts_in_the_clouds_that_show_it_alone(stands):
+    """What is remembered of it is shown, until something is seen through it or a moment has passed."""
+    tracker = ObstacleTracker()
+    for now in (0.0, 0.1, 0.2):
+        cluster = Cluster.of(HERE + 0.05 * np.eye(3), 1, stands, None)
+        tracker.replace_cloud("obstacle_cloud", DistanceField.none(), now, clusters=[cluster])
+        assert len(tracker.current(now)) == 1
+    tracker.replace_cloud("obstacle_cloud", DistanceField.none(), 0.3)
+    assert bool(len(tracker.current(0.3))) is not stands
 
 
 def test_solids_stand_beside_spheres_and_are_distinguished_from_them():
