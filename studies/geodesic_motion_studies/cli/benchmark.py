@@ -46,7 +46,7 @@ camera    --camera, not with --lag: every method is handed what a camera and the
           1 cm on each axis, one detection in twenty lost, nothing where the arm hides it. The judge goes by the true
           spheres
 cloud     --cloud, not with --lag or --camera: every method is handed what clouds of a rendered depth camera show, with
-          the arm in view, with noise and without what is hidden: 30 clouds a second of 160 x 120 pixels, each published
+          the arm in view, with noise and without what is hidden: 30 clouds a second of 212 x 120 pixels, each published
           80 ms later, through the planner node's self-filter, clusters and tracker
 held out  with --held-out every method is given two thirds of the demonstrations, a skill trained on these alone; a
           scene goes from where one of the others began to where it ended, and dtw and orient are distance and angle
