@@ -371,8 +371,8 @@ PLANNER = (
     ),
     Parameter(
         "obstacle_cloud_radius",
-        0.002,
-        "Radius around what `obstacle_cloud` shows: as much as points are off, or apart",
+        0.01,
+        "Radius around what `obstacle_cloud` shows: half of a cube, and as much as points are off or apart",
         "m",
         0.001,
         1.0,

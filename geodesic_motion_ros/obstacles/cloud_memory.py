@@ -104,8 +104,8 @@ class CloudMemory:
         since, share = np.full(len(places), -math.inf), np.full(len(places), weight)
         if time - self.time <= MOMENT:
             since[~self.sight.hides_beside(means)] = time
-        stood |= np.isinf(since)
         since[again], share[again] = known.since[rows], known.share[rows] + weight * (1.0 - known.share[rows])
+        stood |= np.isinf(since)
         averaged = means.copy()
         averaged[again] = known.means[rows] + weight * (means[again] - known.means[rows])
         averaged[~stood] = means[~stood]
