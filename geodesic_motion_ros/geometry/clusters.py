@@ -4,6 +4,9 @@ A cluster is covered by a few spheres: it is cut in two across an axis, where th
 and so on, as long as that makes their volume smaller. A camera sees the front alone. So a sphere is moved away from it
 until its front is where the points begin, and made larger until it holds them again: what is seen is taken to be as
 deep as it is wide. Of a ball that makes the ball.
+
+A point may be the mean of those in a cube, with their covariance: patches of surface (n, 9). One reaches sqrt(3)
+deviations beyond its mean, as a flat face does, and almost as much as a corner: so boxes are held too.
 """
 
 from __future__ import annotations
@@ -18,7 +21,14 @@ from geodesic_motion_ros.geometry.voxels import NUMBERS, PLACES, WHOLE
 
 #: A sphere is halved where its parts have less than this share of its volume; but not where the points are inside of it
 #: by no more than this on average [m], as noise makes those of the front of a ball; nor one that is no larger [m].
-_WORTH_HALVING, _INSIDE, _SMALLEST = 0.85, 0.016, 0.04
+_WORTH_HALVING, _INSIDE, _SMALLEST = 0.85, 0.010, 0.05
+#: So many points or more whose deviation from the surface of a ball is no larger [m] are of that ball, if it is no larger
+#: than so many times the sphere that would hold them.
+_ROUND_PATCHES, _ROUND, _ROUND_RADIUS = 8, 0.003, 1.5
+#: Parts whose points stick out of balls by no more [m] belong to them.
+HELD = 0.005
+#: Of such a part the volume counts for less.
+_BALL = 0.25
 #: Along each axis a cut is looked for at multiples of this part of the length.
 _CUTS = 6
 
@@ -39,17 +49,43 @@ class Cluster(NamedTuple):
     spheres: np.ndarray
     stands: bool = False
 
-    @classmethod
-    def of(cls, points: np.ndarray, most: int, stands: bool, eye: np.ndarray | None) -> Cluster:
-        """Make one of points (n, 3) [m].
+    @property
+    def is_ball(self) -> bool:
+        """Whether it is where its only sphere is, however much of that is hidden."""
+        return len(self.spheres) == 1 and self.centre == tuple(self.spheres[0, :3].tolist())
 
-        most : of so many spheres at most, a power of two.
+    @classmethod
+    def all_of(
+        cls, points: np.ndarray, most: int, stands: bool, eye: np.ndarray | None, spreads: np.ndarray | None = None
+    ) -> tuple[Cluster, ...]:
+        """Make those of points (n, 3) [m] that hang together: one of each ball, and one of the rest.
+
+        spreads : (n, 6) xx, yy, zz, xy, xz, yz [m^2] of the covariance of those that each one is the mean of.
+        most : of so many spheres at most, together.
         eye : (3,) [m] where they were seen from; None where that is unknown: nothing is taken to be behind them.
         """
-        lower, upper = corners(points)
         seen_from = np.full(3, np.nan) if eye is None else np.ascontiguousarray(eye, dtype=float)
-        middle, half = 0.5 * (lower + upper), 0.5 * (upper - lower)
-        return cls(tuple(middle.tolist()), tuple(half.tolist()), points, _cover(points.copy(), most, seen_from), stands)
+        patches = np.column_stack([points, np.zeros((len(points), 6)) if spreads is None else spreads])
+        spheres, ranges, balls = _cover(patches, most, seen_from)
+        if stands and len(spheres) > 1:
+            # Nothing moves by itself.
+            balls[:] = False
+        parts = [patches[begin:end, :3] for begin, end in ranges]
+        # A ball is where its middle is, however much of it is hidden.
+        made = [
+            cls(tuple(spheres[i, :3].tolist()), (float(spheres[i, 3]),) * 3, parts[i], spheres[i : i + 1], stands)
+            for i in np.flatnonzero(balls)
+        ]
+        rest = [
+            i for i in np.flatnonzero(~balls)
+            if not np.any(balls) or np.max(np.min(np.linalg.norm(parts[i][:, None] - spheres[balls, :3], axis=2) - spheres[balls, 3], axis=1)) > HELD
+        ]
+        if rest:
+            held = np.concatenate([parts[i] for i in rest])
+            lower, upper = corners(held)
+            middle, half = 0.5 * (lower + upper), 0.5 * (upper - lower)
+            made.append(cls(tuple(middle.tolist()), tuple(half.tolist()), held, spheres[rest], stands))
+        return tuple(made)
 
 
 @numba.njit((PLACES, NUMBERS, WHOLE), cache=True, nogil=True)
@@ -101,106 +137,186 @@ def cluster_radii(points: np.ndarray, of_point: np.ndarray, clusters: int) -> np
 
 
 @numba.njit(cache=True, nogil=True)
-def _distances(points: np.ndarray, middle: np.ndarray) -> tuple[float, float]:
-    """Return how far the farthest of points (n, 3) is from a middle (3,), and how far they are on average [m]."""
-    square, sum_ = 0.0, 0.0
-    for n in range(len(points)):
-        x, y, z = points[n, 0] - middle[0], points[n, 1] - middle[1], points[n, 2] - middle[2]
-        away = x * x + y * y + z * z
-        square, sum_ = max(square, away), sum_ + np.sqrt(away)
-    return np.sqrt(square), sum_ / len(points)
+def _extent(patch: np.ndarray, x: float, y: float, z: float) -> float:
+    """Return how far points reach beyond their mean along a direction, times its length [m]."""
+    square = x * x * patch[3] + y * y * patch[4] + z * z * patch[5]
+    square += 2.0 * (x * y * patch[6] + x * z * patch[7] + y * z * patch[8])
+    return np.sqrt(3.0 * max(0.0, square))
 
 
 @numba.njit(cache=True, nogil=True)
-def _sphere(points: np.ndarray, eye: np.ndarray) -> tuple[np.ndarray, float, float]:
-    """Find a sphere that holds points (n, 3) and what is behind them, seen from an eye (3,): its middle and radius,
-    and how far inside of it the points are on average.
+def _distances(patches: np.ndarray, middle: np.ndarray) -> tuple[float, float]:
+    """Return how far the farthest point of patches (n, 9) is from a middle (3,), and how far their own ones are on
+    average [m].
     """
-    lower, upper = corners(points)
+    farthest, sum_ = 0.0, 0.0
+    for n in range(len(patches)):
+        patch = patches[n]
+        x, y, z = patch[0] - middle[0], patch[1] - middle[1], patch[2] - middle[2]
+        away = np.sqrt(x * x + y * y + z * z)
+        if away > 0.0:
+            away += _extent(patch, x, y, z) / away
+        farthest, sum_ = max(farthest, away), sum_ + away
+    return farthest, sum_ / len(patches)
+
+
+@numba.njit(cache=True, nogil=True)
+def _across(away: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Make two directions (3,) that are perpendicular to one and to each other."""
+    one = np.zeros(3)
+    one[np.argmin(np.abs(away))] = 1.0
+    one -= away * np.sum(one * away)
+    one /= np.sqrt(np.sum(one**2))
+    return one, np.cross(away, one)
+
+
+@numba.njit(cache=True, nogil=True)
+def _range(patches: np.ndarray, axis: np.ndarray) -> tuple[float, float]:
+    """Return from where to where patches (n, 9) reach along a direction (3,) [m]."""
+    low, high = np.inf, -np.inf
+    for n in range(len(patches)):
+        patch = patches[n]
+        at = patch[0] * axis[0] + patch[1] * axis[1] + patch[2] * axis[2]
+        extent = _extent(patch, axis[0], axis[1], axis[2])
+        low, high = min(low, at - extent), max(high, at + extent)
+    return low, high
+
+
+@numba.njit(cache=True, nogil=True)
+def _ball(patches: np.ndarray) -> tuple[np.ndarray, float, float]:
+    """Fit a ball to the means of patches (n, 9), four at least: its middle and radius, and the deviation of the means
+    from its surface [m]; that is inf where they are on a plane.
+
+    With m = the mean of all, |p - m|^2 = 2 (p - m) . c + d is linear in the middle m + c and in d = r^2 - |c|^2.
+    """
+    count, mean = len(patches), np.zeros(3)
+    for n in range(count):
+        mean += patches[n, :3] / count
+    products, right, square = np.zeros((3, 3)), np.zeros(3), 0.0
+    for n in range(count):
+        away = patches[n, :3] - mean
+        from_mean = np.sum(away**2)
+        square += from_mean / count
+        for row in range(3):
+            right[row] += 0.5 * away[row] * from_mean
+            for column in range(3):
+                products[row, column] += away[row] * away[column]
+    a, b, c = products[0], products[1], products[2]
+    determinant = np.sum(a * np.cross(b, c))
+    if not determinant > 1e-9 * square**3 * count**3:
+        return mean, 0.0, np.inf
+    offset = (right[0] * np.cross(b, c) + right[1] * np.cross(c, a) + right[2] * np.cross(a, b)) / determinant
+    middle, radius, error = mean + offset, np.sqrt(square + np.sum(offset**2)), 0.0
+    for n in range(count):
+        error += (np.sqrt(np.sum((patches[n, :3] - middle) ** 2)) - radius) ** 2 / count
+    return middle, radius, np.sqrt(error)
+
+
+@numba.njit(cache=True, nogil=True)
+def _sphere(patches: np.ndarray, eye: np.ndarray) -> tuple[np.ndarray, float, float, bool]:
+    """Find a sphere that holds patches (n, 9) and what is behind them, seen from an eye (3,): its middle and radius,
+    and how far inside of it the farthest points of each are on average.
+    """
+    lower, upper = corners(patches)
     middle = 0.5 * (lower + upper)
-    (radius, mean), away = _distances(points, middle), middle - eye
+    (radius, mean), away = _distances(patches, middle), middle - eye
     distance = np.sqrt(np.sum(away**2))
     # Neither where it is not known from where they were seen, nor from among them.
     if not distance > radius:
-        return middle, radius, radius - mean
+        return middle, radius, radius - mean, False
     away /= distance
-    front = 0.0
-    for n in range(len(points)):
-        x, y, z = points[n, 0] - middle[0], points[n, 1] - middle[1], points[n, 2] - middle[2]
-        front = max(front, -(x * away[0] + y * away[1] + z * away[2]))
-    moved = middle + (radius - front) * away
-    radius, mean = _distances(points, moved)
-    return moved, radius, radius - mean
+    (one, other), (front, back) = _across(away), _range(patches, away)
+    (left, right), (down, up) = _range(patches, one), _range(patches, other)
+    wide = 0.0
+    for n in range(len(patches)):
+        patch = patches[n]
+        x = patch[0] * one[0] + patch[1] * one[1] + patch[2] * one[2] - 0.5 * (left + right)
+        y = patch[0] * other[0] + patch[1] * other[1] + patch[2] * other[2] - 0.5 * (down + up)
+        square = x * x + y * y
+        if square > 0.0:
+            toward = (x * one + y * other) / np.sqrt(square)
+            wide = max(wide, np.sqrt(square) + _extent(patch, toward[0], toward[1], toward[2]))
+    deep = front + max(wide, 0.5 * (back - front))
+    middle = deep * away + 0.5 * (left + right) * one + 0.5 * (down + up) * other
+    radius, mean = _distances(patches, middle)
+    if len(patches) >= _ROUND_PATCHES:
+        centre, _, error = _ball(patches)
+        if error <= _ROUND:
+            round_radius, round_mean = _distances(patches, centre)
+            if round_radius <= _ROUND_RADIUS * radius:
+                return centre, round_radius, round_radius - round_mean, True
+    return middle, radius, radius - mean, False
 
 
 @numba.njit(cache=True, nogil=True)
-def _sort_by(points: np.ndarray, axis: int, where: float) -> int:
-    """Sort points (n, 3) so that those below a place [m] on an axis are first, and return how many these are."""
+def _sort_by(patches: np.ndarray, axis: int, where: float) -> int:
+    """Sort patches (n, 9) so that those below a place [m] on an axis are first, and return how many these are."""
     half = 0
-    for n in range(len(points)):
-        if points[n, axis] < where:
-            for k in range(3):
-                points[n, k], points[half, k] = points[half, k], points[n, k]
+    for n in range(len(patches)):
+        if patches[n, axis] < where:
+            for k in range(9):
+                patches[n, k], patches[half, k] = patches[half, k], patches[n, k]
             half += 1
     return half
 
 
 @numba.njit(cache=True, nogil=True)
-def _part(points: np.ndarray, eye: np.ndarray) -> int:
-    """Sort points (n, 3) into two parts, by the cut across an axis with which the larger of their spheres is smallest,
-    and return how many the first one has.
+def _part(patches: np.ndarray, eye: np.ndarray) -> int:
+    """Sort patches (n, 9) into two parts whose larger sphere is as small as can be found, and return how many the first
+    one has: by a cut across an axis, and then as they are nearer to one or the other sphere.
     """
-    lower, upper = corners(points)
+    lower, upper = corners(patches)
     best, best_axis, best_where = np.inf, 0, upper[0]
     for axis in range(3):
         for cut in range(1, _CUTS):
             where = lower[axis] + cut / _CUTS * (upper[axis] - lower[axis])
-            half = _sort_by(points, axis, where)
-            if half == 0 or half == len(points):
+            half = _sort_by(patches, axis, where)
+            if half == 0 or half == len(patches):
                 continue
-            larger = max(_sphere(points[:half], eye)[1], _sphere(points[half:], eye)[1])
+            one, other = _sphere(patches[:half], eye), _sphere(patches[half:], eye)
+            larger = one[1] ** 3 * (_BALL if one[3] else 1.0) + other[1] ** 3 * (_BALL if other[3] else 1.0)
             if larger < best:
                 best, best_axis, best_where = larger, axis, where
-    return _sort_by(points, best_axis, best_where)
+    return _sort_by(patches, best_axis, best_where)
 
 
 @numba.njit((numba.types.Array(numba.float64, 2, "C"), numba.int64, VECTOR), cache=True, nogil=True)
-def _cover(points: np.ndarray, most: int, eye: np.ndarray) -> np.ndarray:
-    """Cover points (n, 3), which are sorted for that, by so many spheres at most, a power of two: (k, 4) [m].
+def _cover(patches: np.ndarray, most: int, eye: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Cover patches (n, 9), which are sorted for that, by so many spheres at most: (k, 4) [m]; from where to where those
+    are that each one holds (k, 2), and which are balls (k,).
 
     eye : (3,) [m] where they were seen from; nan where that is unknown.
     """
-    # The halves of node i of the tree are 2 i + 1 and 2 i + 2.
-    nodes, inner = 2 * most - 1, most - 1
-    ranges, spheres = np.zeros((nodes, 2), dtype=np.int64), np.zeros((nodes, 4))
-    least, halved = np.full(nodes, np.inf), np.zeros(nodes, dtype=np.bool_)
-    ranges[0, 1] = len(points)
-    for node in range(nodes):
+    # A tree: the parts of a node are the node that is its first part and the next one; 0 for none.
+    first_part, count = np.zeros(2 * most, dtype=np.int64), 1
+    ranges, spheres = np.zeros((2 * most, 2), dtype=np.int64), np.zeros((2 * most, 4))
+    # How large those are that may be cut in two, and which are balls.
+    sizes, balls = np.zeros(2 * most), np.zeros(2 * most, dtype=np.bool_)
+    ranges[0, 1] = len(patches)
+    spheres[0, :3], spheres[0, 3], inside, balls[0] = _sphere(patches, eye)
+    sizes[0] = spheres[0, 3] if inside > _INSIDE else 0.0
+    while count + 1 < 2 * most:
+        node = np.argmax(sizes[:count])
+        if not sizes[node] > _SMALLEST:
+            break
         begin, end = ranges[node]
-        if begin == end:
-            continue
-        spheres[node, :3], radius, inside = _sphere(points[begin:end], eye)
-        spheres[node, 3] = radius
-        if node < inner and radius > _SMALLEST and inside > _INSIDE:
-            half = begin + _part(points[begin:end], eye)
-            ranges[2 * node + 1, 0], ranges[2 * node + 1, 1] = begin, half
-            ranges[2 * node + 2, 0], ranges[2 * node + 2, 1] = half, end
-    for node in range(nodes - 1, -1, -1):
-        if ranges[node, 0] < ranges[node, 1]:
-            least[node] = spheres[node, 3] ** 3
-            if node < inner:
-                both = least[2 * node + 1] + least[2 * node + 2]
-                if both < _WORTH_HALVING * least[node]:
-                    least[node], halved[node] = both, True
-    chosen, count = np.empty((most, 4)), 0
-    waiting, queued = np.zeros(nodes, dtype=np.int64), 1
-    while queued > 0:
-        queued -= 1
-        node = waiting[queued]
-        if halved[node]:
-            waiting[queued], waiting[queued + 1] = 2 * node + 1, 2 * node + 2
-            queued += 2
-        else:
-            chosen[count] = spheres[node]
+        half = begin + _part(patches[begin:end], eye)
+        first_part[node], sizes[node] = count, 0.0
+        for first, last in ((begin, half), (half, end)):
+            ranges[count, 0], ranges[count, 1] = first, last
+            spheres[count, :3], spheres[count, 3], inside, balls[count] = _sphere(patches[first:last], eye)
+            sizes[count] = spheres[count, 3] if inside > _INSIDE else 0.0
             count += 1
-    return chosen[:count]
+    # Parts that are not smaller together are left out.
+    least, whole = spheres[:count, 3] ** 3 * np.where(balls[:count], _BALL, 1.0), np.ones(count, dtype=np.bool_)
+    for node in range(count - 1, -1, -1):
+        part = first_part[node]
+        if part > 0 and least[part] + least[part + 1] < _WORTH_HALVING * least[node]:
+            least[node], whole[node] = least[part] + least[part + 1], False
+    chosen = np.zeros(count, dtype=np.bool_)
+    chosen[0] = True
+    for node in range(count):
+        if chosen[node] and not whole[node]:
+            part = first_part[node]
+            chosen[node], chosen[part], chosen[part + 1] = False, True, True
+    return spheres[:count][chosen], ranges[:count][chosen], balls[:count][chosen]

@@ -34,8 +34,8 @@ def carry_finite(points: np.ndarray, rotation: np.ndarray, origin: np.ndarray) -
 
 @numba.njit((POINTS,), cache=True, nogil=True)
 def corners(points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Find the smallest and the largest coordinates (3,) of points (n, 3), of which there is one at least."""
-    lower, upper = points[0].copy(), points[0].copy()
+    """Find the smallest and the largest coordinates (3,) of points (n, 3) or more, of which there is one at least."""
+    lower, upper = points[0, :3].copy(), points[0, :3].copy()
     for n in range(1, len(points)):
         for axis in range(3):
             lower[axis] = min(lower[axis], points[n, axis])

@@ -371,7 +371,7 @@ PLANNER = (
     ),
     Parameter(
         "obstacle_cloud_radius",
-        0.01,
+        0.002,
         "Radius around what `obstacle_cloud` shows: half of a cube, and as much as points are off or apart",
         "m",
         0.001,

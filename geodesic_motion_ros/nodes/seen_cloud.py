@@ -88,12 +88,12 @@ def see_cloud(
         spheres = centres, radii + settings.padding
     cloud = arm.sort(points, spheres, grid, eye)
     unknown = solid_distances(cloud.means, solids) > settings.padding
-    places, means = cloud.places[unknown], cloud.means[unknown]
+    places, means, spreads = cloud.places[unknown], cloud.means[unknown], cloud.spreads[unknown]
 
     memory = CloudMemory.nothing(edge)
     if before is not None and (before.memory.edge, before.held) == (edge, held) and before.memory.time <= time:
         memory = before.memory
-    recalled = memory.recall(places, means, time, grid, cloud.sight)
+    recalled = memory.recall(places, means, spreads, time, grid, cloud.sight)
     # What touches the arm may be of the arm, which hides it from the camera as long as it stays.
     of_arm = recalled.hidden & arm.touches(recalled.unseen.means, spheres, edge)
     unseen = recalled.unseen.only(~of_arm)
@@ -102,7 +102,7 @@ def see_cloud(
     seen = replace(recalled.seen, stands=(things.of_seen >= 0) & ~things.moves[things.of_seen])
     field = DistanceField.of_cubes(things.field_places, edge, settings.radius, settings.thickness)
     return SeenCloud(
-        field, things.clusters(means, eye), settings.radius, int(np.sum(cloud.counts[unknown])), cloud.out_of_reach,
+        field, things.clusters(means, spreads, eye), settings.radius, int(np.sum(cloud.counts[unknown])), cloud.out_of_reach,
         cloud.of_arm, int(np.sum(cloud.counts[~unknown])), len(things.cubes) - len(seen),
         CloudMemory(edge, seen.beside(unseen), time, cloud.sight), held,
     )  # fmt: skip

@@ -34,7 +34,8 @@ class Cubes:
 
     Attributes
     ----------
-    places : (m, 3) in the grid. means : (m, 3) [m] of their points of late.
+    places : (m, 3) in the grid. means : (m, 3) [m] of their points of late, and spreads : (m, 6) [m^2] of these around
+        them, as of `SortedCloud`.
     since : (m,) from when on they have held points without a pause, as far as is known [s]. first, last : (m,) when
         they were seen to, first and last [s].
     share : (m,) of the clouds of late in which it was seen. stands : (m,) whether what was last seen there stands.
@@ -42,6 +43,7 @@ class Cubes:
 
     places: np.ndarray
     means: np.ndarray
+    spreads: np.ndarray
     since: np.ndarray
     first: np.ndarray
     last: np.ndarray
@@ -53,7 +55,7 @@ class Cubes:
         """Make none."""
         nothing = np.zeros(0)
         numbers = nothing, nothing, nothing, nothing
-        return cls(np.zeros((0, 3), dtype=np.int64), np.zeros((0, 3)), *numbers, nothing > 0.0)
+        return cls(np.zeros((0, 3), dtype=np.int64), np.zeros((0, 3)), np.zeros((0, 6)), *numbers, nothing > 0.0)
 
     def __len__(self) -> int:
         return len(self.places)
@@ -67,7 +69,7 @@ class Cubes:
         return Cubes(*map(np.concatenate, zip(self._arrays(), others._arrays(), strict=True)))
 
     def _arrays(self) -> tuple[np.ndarray, ...]:
-        return self.places, self.means, self.since, self.first, self.last, self.share, self.stands
+        return self.places, self.means, self.spreads, self.since, self.first, self.last, self.share, self.stands
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,13 +90,19 @@ class CloudMemory:
         return cls(edge, Cubes.none(), -math.inf, LineOfSight.blank(None))
 
     def recall(
-        self, places: np.ndarray, means: np.ndarray, time: float, grid: VoxelGrid, sight: LineOfSight
+        self,
+        places: np.ndarray,
+        means: np.ndarray,
+        spreads: np.ndarray,
+        time: float,
+        grid: VoxelGrid,
+        sight: LineOfSight,
     ) -> Recalled:
         """Find what is known of the cubes that a cloud shows, and which others count on.
 
         Parameters
         ----------
-        places : (v, 3) in a grid. means : (v, 3) [m] of their points.
+        places : (v, 3) in a grid. means : (v, 3) [m] of their points, and spreads : (v, 6) [m^2] of these around them.
         time : of the cloud [s]. sight : what the camera sees then.
         """
         known = self.cubes
@@ -106,13 +114,14 @@ class CloudMemory:
             since[~self.sight.hides_beside(means)] = time
         since[again], share[again] = known.since[rows], known.share[rows] + weight * (1.0 - known.share[rows])
         stood |= np.isinf(since)
-        averaged = means.copy()
-        averaged[again] = known.means[rows] + weight * (means[again] - known.means[rows])
-        averaged[~stood] = means[~stood]
+        late = np.column_stack([means, spreads])
+        before = np.column_stack([known.means[rows], known.spreads[rows]])
+        late[again] = before + weight * (late[again] - before)
+        late[~stood, :3], late[~stood, 3:] = means[~stood], spreads[~stood]
         now = np.full(len(places), time)
         first = now.copy()
         first[again] = known.first[rows]
-        seen = Cubes(places, averaged, since, first, now, share, stood)
+        seen = Cubes(places, late[:, :3], late[:, 3:], since, first, now, share, stood)
         absent = np.ones(len(known), dtype=bool)
         absent[rows] = False
         unseen = known.only(absent & (known.last <= time) & ~sight.sees_through(known.means))

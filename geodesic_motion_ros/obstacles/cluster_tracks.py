@@ -33,6 +33,8 @@ STEADY_SIZE = 0.01
 GROWN = 0.02
 #: Spheres hold others that stick out by no more than this [m], which noise does.
 STEADY_SPHERE = 0.005
+#: Spheres of what stands, and balls, are replaced by ones with less than this share of their volume.
+SMALLER = 0.85
 #: What is hidden wholly goes on as it did for so long [s] at most.
 HIDDEN = 2.0
 #: Noise of a middle [m] until it is known from the detections.
@@ -80,16 +82,19 @@ class _Thing:
         while self._sizes and self._sizes[0][0] < time - SIZE_MEMORY:
             self._sizes.popleft()
         centre = self._placed(cluster, time)
-        if self._sizes and min(self._hidden(cluster)) < -GROWN:
+        if self._sizes and (min(self._hidden(cluster)) < -GROWN or (self.stands and not cluster.stands)):
             # A part of it was seen before, and the middle of that tells nothing of how the whole moves.
             self.obstacle = TrackedObstacle()
         self._sizes.append((time, cluster.half))
         place = np.zeros(3) if cluster.stands else np.array(centre)
         spheres = cluster.spheres - np.array([*place, -around])
         same = cluster.stands == self.stands and time <= self._spheres_seen + SIZE_MEMORY
+        if cluster.stands or cluster.is_ball:
+            # What is not smaller because a part of it is hidden.
+            same &= np.sum(spheres[:, 3] ** 3) > SMALLER * np.sum(self._spheres[:, 3] ** 3)
         # Of what stands another cut is no news.
-        held = np.column_stack([cluster.points - place, np.full(len(cluster.points), around)])
-        if not (same and _hold(self._spheres, held if cluster.stands else spheres)):
+        points = np.column_stack([cluster.points - place, np.full(len(cluster.points), around)])
+        if not (same and _hold(self._spheres, points if cluster.stands else spheres)):
             self._spheres, self._spheres_seen, self.stands = spheres, time, cluster.stands
             self._radius = float(np.max(np.linalg.norm(spheres[:, :3], axis=1) + spheres[:, 3]))
         self.obstacle.see(Track(centre, self._radius, arrival, taken, math.inf), time, noise)

@@ -45,19 +45,22 @@ class Things:
         in_cluster[len(self.of_seen) :] &= ~self.moves[self.of_cube[len(self.of_seen) :]]
         return self.cubes.places[(self.of_cube >= 0) & ~in_cluster]
 
-    def clusters(self, fresh: np.ndarray, eye: np.ndarray | None) -> tuple[Cluster, ...]:
-        """Make clusters: of what moves by the means (v, 3) [m] of its cubes in this cloud alone, of what stands by all
-        that is known of them; eye : as of `Cluster.of`.
+    def clusters(self, means: np.ndarray, spreads: np.ndarray, eye: np.ndarray | None) -> tuple[Cluster, ...]:
+        """Make clusters: of what moves by the means (v, 3) [m] and spreads (v, 6) [m^2] of its cubes in this cloud
+        alone, of what stands by all that is known of them; eye : as of `Cluster.of`.
         """
         if not len(self.chosen):
             return ()
         most = min(MOST_PARTS, MOST_SPHERES >> int(len(self.chosen) - 1).bit_length())
-        return tuple(
-            Cluster.of(fresh[self.of_seen == one], most, False, eye)
-            if self.moves[one]
-            else Cluster.of(self.cubes.means[self.of_cube == one], most, True, eye)
-            for one in self.chosen
-        )
+        made: list[Cluster] = []
+        for one in self.chosen:
+            if self.moves[one]:
+                own = self.of_seen == one
+                made += Cluster.all_of(means[own], most, False, eye, spreads[own])
+            else:
+                known = self.cubes.only(self.of_cube == one)
+                made += Cluster.all_of(known.means, most, True, eye, known.spreads)
+        return tuple(made)
 
 
 def find_things(seen: Cubes, remembered: Cubes, grid: VoxelGrid) -> Things:

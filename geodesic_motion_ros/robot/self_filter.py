@@ -22,6 +22,8 @@ from geodesic_motion_ros.robot.kinematics import MATRIX, VECTOR, Robot
 
 #: What a cube that has no number is: not looked at yet; inside of a padded sphere; outside of all; neither.
 _UNKNOWN, _INSIDE, _OUTSIDE, _PARTLY = 0, -1, -2, -3
+#: Axes of the products of offsets that are summed.
+_FIRST, _SECOND = (0, 1, 2, 0, 0, 1), (0, 1, 2, 1, 2, 2)
 #: The arm's body extends so far beyond the tool's origin at most [m].
 _BEYOND_TOOL = 0.2
 
@@ -33,6 +35,7 @@ class SortedCloud:
     Attributes
     ----------
     places : (v, 3) of the cubes in the grid. counts : (v,) how many points each holds. means : (v, 3) [m] of these.
+    spreads : (v, 6) xx, yy, zz, xy, xz, yz of their covariance [m^2].
     sight : what the camera sees, the arm too.
     out_of_reach, of_arm : how many points are left out.
     """
@@ -40,6 +43,7 @@ class SortedCloud:
     places: np.ndarray
     counts: np.ndarray
     means: np.ndarray
+    spreads: np.ndarray
     sight: LineOfSight
     out_of_reach: int
     of_arm: int
@@ -91,7 +95,10 @@ class SelfFilter:
             sight.nearest,
         )  # fmt: skip
         of_arm = near - int(np.sum(counts))
-        return SortedCloud(places, counts, sums / counts[:, None], sight, len(points) - near, of_arm)
+        offsets = sums / counts[:, None]
+        spreads = offsets[:, 3:] - offsets[:, _FIRST] * offsets[:, _SECOND]
+        means = grid.edge * places + offsets[:, :3]
+        return SortedCloud(places, counts, means, spreads, sight, len(points) - near, of_arm)
 
 
 @numba.njit(cache=True, nogil=True)
@@ -133,13 +140,13 @@ def _touching(points, centres, radii):
     cache=True, nogil=True,
 )  # fmt: skip
 def _sort(points, centres, radii, corners, centre, reach, edge, cubes, first, eye, nearest):
-    """Sort points (n, 3) into cubes: where these are (v, 3), how many points each holds (v,) and their sums (v, 3); and
-    how many points are within reach.
+    """Sort points (n, 3) into cubes: where these are (v, 3), how many points each holds (v,), the sums of their offsets
+    from its middle and of products of these (v, 9); and how many points are within reach.
 
     corners : (2, 3) of the box around the spheres. cubes : of the grid, all 0, in which 1 + the numbers are written.
     """
     most = min(len(points), cubes.size)
-    places, sums = np.empty((most, 3), dtype=np.int64), np.empty((most, 3))
+    places, sums = np.empty((most, 3), dtype=np.int64), np.empty((most, 9))
     counts, partly = np.empty(most, dtype=np.int64), np.empty(most, dtype=np.bool_)
     found, near, half, per = 0, 0, 0.5 * math.sqrt(3.0) * edge, 1.0 / edge
     for n in range(len(points)):
@@ -171,13 +178,21 @@ def _sort(points, centres, radii, corners, centre, reach, edge, cubes, first, ey
             continue
         if code < 0:
             places[found, 0], places[found, 1], places[found, 2] = i, j, k
-            sums[found, 0], sums[found, 1], sums[found, 2], counts[found] = 0.0, 0.0, 0.0, 0
+            sums[found], counts[found] = 0.0, 0
             partly[found] = code == _PARTLY
             found += 1
             cubes[a, b, c] = code = found
         number = code - 1
-        sums[number, 0] += x
-        sums[number, 1] += y
-        sums[number, 2] += z
+        a, b, c = x - i * edge, y - j * edge, z - k * edge
+        of_cube = sums[number]
+        of_cube[0] += a
+        of_cube[1] += b
+        of_cube[2] += c
+        of_cube[3] += a * a
+        of_cube[4] += b * b
+        of_cube[5] += c * c
+        of_cube[6] += a * b
+        of_cube[7] += a * c
+        of_cube[8] += b * c
         counts[number] += 1
     return places[:found], counts[:found], sums[:found], near

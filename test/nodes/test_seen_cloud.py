@@ -29,7 +29,7 @@ ARM = SelfFilter(ROBOT, CollisionModel.named("panda"))
 #: Beside the arm where it is ready.
 BESIDE, NOTHING = np.array([0.3, -0.6, 0.5]), np.zeros((0, 3))
 #: Spheres of clusters hold the middles of what is in each cube; points stick out of them by no more [m].
-STICKS_OUT = 0.012
+STICKS_OUT = 0.002
 
 
 def ball(centre: np.ndarray, radius: float = RADIUS) -> np.ndarray:

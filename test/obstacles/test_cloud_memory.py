@@ -39,7 +39,8 @@ class Clouds:
     ) -> Recalled:
         """What is known after the next cloud; off : its points are so far from the middles of cubes [m]."""
         self.time += passed
-        recalled = self.memory.recall(places, EDGE * places + off, self.time, GRID, sight)
+        means, spreads = EDGE * places + off, np.full((len(places), 6), off**2)
+        recalled = self.memory.recall(places, means, spreads, self.time, GRID, sight)
         self.memory = CloudMemory(EDGE, recalled.seen.beside(recalled.unseen), self.time, sight)
         return recalled
 

@@ -30,7 +30,7 @@ def block(corner: Where, shape: Where = (3, 3, 3), stands: bool = True, share: f
     """Cubes from a corner on, with the middles of their points a little off their own."""
     places = np.ascontiguousarray(np.argwhere(np.ones(shape)) + corner)
     means = EDGE * places + np.random.default_rng(0).uniform(-0.004, 0.004, places.shape)
-    seen = CloudMemory.nothing(EDGE).recall(places, means, 0.0, GRID, LineOfSight.blank(None)).seen
+    seen = CloudMemory.nothing(EDGE).recall(places, means, np.zeros((len(places), 6)), 0.0, GRID, LineOfSight.blank(None)).seen
     return replace(seen, stands=np.full(len(places), stands), share=np.full(len(places), share))
 
 
@@ -52,7 +52,7 @@ def same(places: np.ndarray, *expected: Cubes) -> bool:
 def test_a_small_thing_is_a_cluster_and_moves_unless_its_cubes_stand(stands):
     seen = block((5, 5, 5), stands=stands)
     things = find(seen)
-    (cluster,) = things.clusters(seen.means, None)
+    (cluster,) = things.clusters(seen.means, seen.spreads, None)
     assert cluster.stands is stands
     assert things.moves[things.of_seen].tolist() == [not stands] * len(seen)
     np.testing.assert_array_equal(cluster.points, seen.means)
@@ -73,12 +73,12 @@ def test_what_is_large_or_of_few_cubes_stands_cube_by_cube(stands):
     longest = round(2.0 * LARGEST / EDGE)
     large, tiny = block((0, 0, 0), (longest + 2, 1, 1), stands), block((0, 20, 0), (FEWEST_CUBES - 1, 1, 1), stands)
     things = find(large, tiny)
-    assert things.clusters(things.cubes.means, None) == ()
+    assert things.clusters(things.cubes.means, things.cubes.spreads, None) == ()
     assert same(things.field_places, large, tiny)
     assert not things.moves.any()
     # The controls: a little less, and one more.
     other = find(block((0, 0, 0), (longest - 2, 1, 1), stands), block((0, 20, 0), (FEWEST_CUBES, 1, 1), stands))
-    assert len(other.clusters(other.cubes.means, None)) == 2
+    assert len(other.clusters(other.cubes.means, other.cubes.spreads, None)) == 2
 
 
 def test_what_touches_is_one_and_what_does_not_is_two():
@@ -91,7 +91,7 @@ class TestRemembered:
     def test_belongs_to_what_it_touches_that_stands(self):
         seen, unseen = block((5, 5, 5)), block((8, 5, 5))
         things = find(seen, remembered=unseen)
-        (cluster,) = things.clusters(seen.means, None)
+        (cluster,) = things.clusters(seen.means, seen.spreads, None)
         np.testing.assert_array_equal(cluster.points, np.concatenate([seen.means, unseen.means]))
         assert len(things.field_places) == 0
 
@@ -99,7 +99,7 @@ class TestRemembered:
         seen, unseen = block((5, 5, 5), stands=False), block((8, 5, 5))
         things = find(seen, remembered=unseen)
         fresh = seen.means + 0.001
-        (cluster,) = things.clusters(fresh, None)
+        (cluster,) = things.clusters(fresh, seen.spreads, None)
         assert not cluster.stands
         np.testing.assert_array_equal(cluster.points, fresh)
         assert same(things.field_places, unseen)
@@ -107,7 +107,7 @@ class TestRemembered:
     def test_is_a_thing_of_its_own_if_it_touches_nothing(self):
         seen, unseen = block((5, 5, 5), stands=False), block((15, 5, 5))
         things = find(seen, remembered=unseen)
-        assert sorted(cluster.stands for cluster in things.clusters(seen.means, None)) == [False, True]
+        assert sorted(cluster.stands for cluster in things.clusters(seen.means, seen.spreads, None)) == [False, True]
         # A thing of which nothing is seen has no new cubes.
         assert not things.moves[things.of_cube[len(seen) :]].any()
 
@@ -120,7 +120,7 @@ class TestNoise:
         things = find(left, between, right)
         assert len(things.chosen) == (1 if joined else 2)
         assert (things.of_cube[len(left)] >= 0) is np.bool_(joined)
-        held = np.concatenate([cluster.points for cluster in things.clusters(things.cubes.means, None)])
+        held = np.concatenate([cluster.points for cluster in things.clusters(things.cubes.means, things.cubes.spreads, None)])
         assert len(held) == len(left) + len(right) + joined
         assert len(things.field_places) == 0
 
@@ -154,7 +154,7 @@ class TestMany:
     def test_there_are_no_more_spheres_than_allowed(self, count):
         rods = [block((4 * number - 40, 0, 0), (1, 20, 1)) for number in range(count)]
         things = find(*rods)
-        spheres = [len(cluster.spheres) for cluster in things.clusters(things.cubes.means, None)]
+        spheres = [len(cluster.spheres) for cluster in things.clusters(things.cubes.means, things.cubes.spreads, None)]
         assert len(spheres) == count
         assert sum(spheres) <= MOST_SPHERES
         assert 1 < max(spheres) <= MOST_PARTS
@@ -162,4 +162,4 @@ class TestMany:
 
 def test_no_cubes_are_no_things():
     things = find()
-    assert (things.clusters(np.zeros((0, 3)), None), len(things.field_places), len(things.cubes)) == ((), 0, 0)
+    assert (things.clusters(np.zeros((0, 3)), np.zeros((0, 6)), None), len(things.field_places), len(things.cubes)) == ((), 0, 0)
