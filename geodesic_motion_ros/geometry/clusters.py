@@ -1,12 +1,12 @@
 """Clusters of a point cloud: what hangs together, by cubes that touch, with a corner too.
 
-A cluster is covered by a few spheres: it is cut in two across an axis, where the larger of their spheres is smallest,
-and so on, as long as that makes their volume smaller. A camera sees the front alone. So a sphere is moved away from it
-until its front is where the points begin, and made larger until it holds them again: what is seen is taken to be as
-deep as it is wide. Of a ball that makes the ball.
+What hangs together is covered by a few spheres: it is cut in two across an axis, where the volume of both spheres is
+smallest, and the larger parts again, as long as that makes it smaller. A camera sees the front alone. So a sphere has
+its front where the points begin, and is as deep as these are wide. Points on a ball are not cut: they are of that ball,
+however little of it is seen.
 
-A point may be the mean of those in a cube, with their covariance: patches of surface (n, 9). One reaches sqrt(3)
-deviations beyond its mean, as a flat face does, and almost as much as a corner: so boxes are held too.
+A point may be the mean of those in a cube, with their covariance: a patch of a surface. It reaches sqrt(3) deviations
+beyond its mean, as a flat face does; an edge or a corner reaches little farther, so that boxes are held too.
 """
 
 from __future__ import annotations
@@ -19,26 +19,24 @@ import numpy as np
 from geodesic_motion_ros.geometry.point_clouds import POINTS, VECTOR, corners
 from geodesic_motion_ros.geometry.voxels import NUMBERS, PLACES, WHOLE
 
-#: A sphere is halved where its parts have less than this share of its volume; but not where the points are inside of it
-#: by no more than this on average [m], as noise makes those of the front of a ball; nor one that is no larger [m].
-_WORTH_HALVING, _INSIDE, _SMALLEST = 0.85, 0.010, 0.05
-#: So many points or more whose deviation from the surface of a ball is no larger [m] are of that ball, if it is no larger
-#: than so many times the sphere that would hold them.
-_ROUND_PATCHES, _ROUND, _ROUND_RADIUS = 8, 0.003, 1.5
-#: Parts whose points stick out of balls by no more [m] belong to them.
-HELD = 0.005
-#: Of such a part the volume counts for less.
-_BALL = 0.25
+#: What has a sphere is cut where the parts have less than this share of its volume; but not where the points are inside
+#: of it by no more than this on average [m], nor what has one that is no larger [m].
+_WORTH_CUTTING, _INSIDE, _SMALLEST = 0.85, 0.010, 0.05
+#: So many patches or more are of a ball from whose surface they deviate by no more than this [m]; but not where it is
+#: larger than so many times the sphere that holds them otherwise. Its volume counts for less: a cut is to find it.
+_BALL_PATCHES, _BALL_DEVIATION, _BALL_SIZE, _BALL_SHARE = 8, 0.003, 1.5, 0.25
+#: A part sticks out of balls by so much [m] at least.
+_STICKS_OUT = 0.005
 #: Along each axis a cut is looked for at multiples of this part of the length.
 _CUTS = 6
 
 
 class Cluster(NamedTuple):
-    """What hangs together in a cloud.
+    """What hangs together in a cloud, or a part of it.
 
     Attributes
     ----------
-    centre, half : (3,) middle and half extents of the box along the axes around its points [m].
+    centre, half : (3,) middle and half extents of the box along the axes around its points, or around a ball [m].
     points : (n, 3) [m]. spheres : (k, 4) that cover them and what is behind them: centres, radii [m].
     stands : whether it is known to stand.
     """
@@ -51,14 +49,20 @@ class Cluster(NamedTuple):
 
     @property
     def is_ball(self) -> bool:
-        """Whether it is where its only sphere is, however much of that is hidden."""
+        """Whether it is known as a whole, however little of it is seen."""
         return len(self.spheres) == 1 and self.centre == tuple(self.spheres[0, :3].tolist())
 
     @classmethod
     def all_of(
-        cls, points: np.ndarray, most: int, stands: bool, eye: np.ndarray | None, spreads: np.ndarray | None = None
+        cls,
+        points: np.ndarray,
+        most: int,
+        stands: bool,
+        eye: np.ndarray | None,
+        spreads: np.ndarray | None = None,
     ) -> tuple[Cluster, ...]:
-        """Make those of points (n, 3) [m] that hang together: one of each ball, and one of the rest.
+        """Make those of points (n, 3) [m] that hang together: of what stands one, otherwise one of each ball and one of
+        the rest.
 
         spreads : (n, 6) xx, yy, zz, xy, xz, yz [m^2] of the covariance of those that each one is the mean of.
         most : of so many spheres at most, together.
@@ -68,24 +72,27 @@ class Cluster(NamedTuple):
         patches = np.column_stack([points, np.zeros((len(points), 6)) if spreads is None else spreads])
         spheres, ranges, balls = _cover(patches, most, seen_from)
         if stands and len(spheres) > 1:
-            # Nothing moves by itself.
             balls[:] = False
         parts = [patches[begin:end, :3] for begin, end in ranges]
-        # A ball is where its middle is, however much of it is hidden.
-        made = [
-            cls(tuple(spheres[i, :3].tolist()), (float(spheres[i, 3]),) * 3, parts[i], spheres[i : i + 1], stands)
-            for i in np.flatnonzero(balls)
-        ]
-        rest = [
-            i for i in np.flatnonzero(~balls)
-            if not np.any(balls) or np.max(np.min(np.linalg.norm(parts[i][:, None] - spheres[balls, :3], axis=2) - spheres[balls, 3], axis=1)) > HELD
-        ]
+        made, rest = [], []
+        for sphere, part, is_ball in zip(spheres, parts, balls, strict=True):
+            if is_ball:
+                x, y, z, radius = sphere.tolist()
+                made.append(cls((x, y, z), (radius, radius, radius), part, sphere[None], stands))
+            elif not np.any(balls) or _outside(part, spheres[balls]) > _STICKS_OUT:
+                rest.append((sphere, part))
         if rest:
-            held = np.concatenate([parts[i] for i in rest])
+            others, held = np.array([sphere for sphere, _ in rest]), np.concatenate([part for _, part in rest])
             lower, upper = corners(held)
             middle, half = 0.5 * (lower + upper), 0.5 * (upper - lower)
-            made.append(cls(tuple(middle.tolist()), tuple(half.tolist()), held, spheres[rest], stands))
+            made.append(cls(tuple(middle.tolist()), tuple(half.tolist()), held, others, stands))
         return tuple(made)
+
+
+def _outside(points: np.ndarray, spheres: np.ndarray) -> float:
+    """Find how far the farthest of points (n, 3) is outside of all spheres (k, 4), one at least [m]."""
+    gaps = np.linalg.norm(points[:, None] - spheres[:, :3], axis=2) - spheres[:, 3]
+    return float(np.max(np.min(gaps, axis=1)))
 
 
 @numba.njit((PLACES, NUMBERS, WHOLE), cache=True, nogil=True)
@@ -183,11 +190,13 @@ def _range(patches: np.ndarray, axis: np.ndarray) -> tuple[float, float]:
 
 
 @numba.njit(cache=True, nogil=True)
-def _ball(patches: np.ndarray) -> tuple[np.ndarray, float, float]:
-    """Fit a ball to the means of patches (n, 9), four at least: its middle and radius, and the deviation of the means
-    from its surface [m]; that is inf where they are on a plane.
+def _ball(patches: np.ndarray) -> tuple[np.ndarray, float]:
+    """Fit a ball to the means of patches (n, 9), four at least: its middle, and the deviation of the means from its
+    surface [m]; inf where they are on a plane.
 
-    With m = the mean of all, |p - m|^2 = 2 (p - m) . c + d is linear in the middle m + c and in d = r^2 - |c|^2.
+    With m = the mean of all means p, |p - m|^2 = 2 (p - m) . c + d is linear in c and d = r^2 - |c|^2, where m + c is
+    the middle and r the radius: least squares (I. Kasa, "A circle fitting procedure and its error analysis", IEEE
+    Transactions on Instrumentation and Measurement 1976).
     """
     count, mean = len(patches), np.zeros(3)
     for n in range(count):
@@ -204,18 +213,18 @@ def _ball(patches: np.ndarray) -> tuple[np.ndarray, float, float]:
     a, b, c = products[0], products[1], products[2]
     determinant = np.sum(a * np.cross(b, c))
     if not determinant > 1e-9 * square**3 * count**3:
-        return mean, 0.0, np.inf
+        return mean, np.inf
     offset = (right[0] * np.cross(b, c) + right[1] * np.cross(c, a) + right[2] * np.cross(a, b)) / determinant
     middle, radius, error = mean + offset, np.sqrt(square + np.sum(offset**2)), 0.0
     for n in range(count):
         error += (np.sqrt(np.sum((patches[n, :3] - middle) ** 2)) - radius) ** 2 / count
-    return middle, radius, np.sqrt(error)
+    return middle, np.sqrt(error)
 
 
 @numba.njit(cache=True, nogil=True)
 def _sphere(patches: np.ndarray, eye: np.ndarray) -> tuple[np.ndarray, float, float, bool]:
     """Find a sphere that holds patches (n, 9) and what is behind them, seen from an eye (3,): its middle and radius,
-    and how far inside of it the farthest points of each are on average.
+    how far inside of it the farthest points of each are on average, and whether it is a ball that they are of.
     """
     lower, upper = corners(patches)
     middle = 0.5 * (lower + upper)
@@ -239,13 +248,19 @@ def _sphere(patches: np.ndarray, eye: np.ndarray) -> tuple[np.ndarray, float, fl
     deep = front + max(wide, 0.5 * (back - front))
     middle = deep * away + 0.5 * (left + right) * one + 0.5 * (down + up) * other
     radius, mean = _distances(patches, middle)
-    if len(patches) >= _ROUND_PATCHES:
-        centre, _, error = _ball(patches)
-        if error <= _ROUND:
-            round_radius, round_mean = _distances(patches, centre)
-            if round_radius <= _ROUND_RADIUS * radius:
-                return centre, round_radius, round_radius - round_mean, True
+    if len(patches) >= _BALL_PATCHES:
+        ball, deviation = _ball(patches)
+        if deviation <= _BALL_DEVIATION:
+            ball_radius, ball_mean = _distances(patches, ball)
+            if ball_radius <= _BALL_SIZE * radius:
+                return ball, ball_radius, ball_radius - ball_mean, True
     return middle, radius, radius - mean, False
+
+
+@numba.njit(cache=True, nogil=True)
+def _volume(radius: float, is_ball: bool) -> float:
+    """Return what the volume of a sphere counts for."""
+    return radius**3 * (_BALL_SHARE if is_ball else 1.0)
 
 
 @numba.njit(cache=True, nogil=True)
@@ -262,8 +277,8 @@ def _sort_by(patches: np.ndarray, axis: int, where: float) -> int:
 
 @numba.njit(cache=True, nogil=True)
 def _part(patches: np.ndarray, eye: np.ndarray) -> int:
-    """Sort patches (n, 9) into two parts whose larger sphere is as small as can be found, and return how many the first
-    one has: by a cut across an axis, and then as they are nearer to one or the other sphere.
+    """Sort patches (n, 9) into two parts, by the cut across an axis with which the volume of both spheres is smallest,
+    and return how many the first one has.
     """
     lower, upper = corners(patches)
     best, best_axis, best_where = np.inf, 0, upper[0]
@@ -274,29 +289,29 @@ def _part(patches: np.ndarray, eye: np.ndarray) -> int:
             if half == 0 or half == len(patches):
                 continue
             one, other = _sphere(patches[:half], eye), _sphere(patches[half:], eye)
-            larger = one[1] ** 3 * (_BALL if one[3] else 1.0) + other[1] ** 3 * (_BALL if other[3] else 1.0)
-            if larger < best:
-                best, best_axis, best_where = larger, axis, where
+            volume = _volume(one[1], one[3]) + _volume(other[1], other[3])
+            if volume < best:
+                best, best_axis, best_where = volume, axis, where
     return _sort_by(patches, best_axis, best_where)
 
 
 @numba.njit((numba.types.Array(numba.float64, 2, "C"), numba.int64, VECTOR), cache=True, nogil=True)
 def _cover(patches: np.ndarray, most: int, eye: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Cover patches (n, 9), which are sorted for that, by so many spheres at most: (k, 4) [m]; from where to where those
-    are that each one holds (k, 2), and which are balls (k,).
+    """Cover patches (n, 9), which are sorted for that, by so many spheres at most: (k, 4) [m]; find from where to where
+    those are that each one holds (k, 2), and which are balls (k,).
 
     eye : (3,) [m] where they were seen from; nan where that is unknown.
     """
-    # A tree: the parts of a node are the node that is its first part and the next one; 0 for none.
+    # A tree: the two parts of a node are its first part and the node after that; 0 for none.
     first_part, count = np.zeros(2 * most, dtype=np.int64), 1
     ranges, spheres = np.zeros((2 * most, 2), dtype=np.int64), np.zeros((2 * most, 4))
-    # How large those are that may be cut in two, and which are balls.
+    # How large those are that may be cut.
     sizes, balls = np.zeros(2 * most), np.zeros(2 * most, dtype=np.bool_)
     ranges[0, 1] = len(patches)
     spheres[0, :3], spheres[0, 3], inside, balls[0] = _sphere(patches, eye)
     sizes[0] = spheres[0, 3] if inside > _INSIDE else 0.0
     while count + 1 < 2 * most:
-        node = np.argmax(sizes[:count])
+        node = int(np.argmax(sizes[:count]))
         if not sizes[node] > _SMALLEST:
             break
         begin, end = ranges[node]
@@ -308,10 +323,10 @@ def _cover(patches: np.ndarray, most: int, eye: np.ndarray) -> tuple[np.ndarray,
             sizes[count] = spheres[count, 3] if inside > _INSIDE else 0.0
             count += 1
     # Parts that are not smaller together are left out.
-    least, whole = spheres[:count, 3] ** 3 * np.where(balls[:count], _BALL, 1.0), np.ones(count, dtype=np.bool_)
+    least, whole = np.empty(count), np.ones(count, dtype=np.bool_)
     for node in range(count - 1, -1, -1):
-        part = first_part[node]
-        if part > 0 and least[part] + least[part + 1] < _WORTH_HALVING * least[node]:
+        least[node], part = _volume(spheres[node, 3], balls[node]), first_part[node]
+        if part > 0 and least[part] + least[part + 1] < _WORTH_CUTTING * least[node]:
             least[node], whole[node] = least[part] + least[part + 1], False
     chosen = np.zeros(count, dtype=np.bool_)
     chosen[0] = True

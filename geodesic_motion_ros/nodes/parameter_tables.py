@@ -372,7 +372,7 @@ PLANNER = (
     Parameter(
         "obstacle_cloud_radius",
         0.002,
-        "Radius around what `obstacle_cloud` shows: half of a cube, and as much as points are off or apart",
+        "Radius around what `obstacle_cloud` shows: as much as the camera is off",
         "m",
         0.001,
         1.0,

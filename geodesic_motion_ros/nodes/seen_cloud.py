@@ -102,7 +102,7 @@ def see_cloud(
     seen = replace(recalled.seen, stands=(things.of_seen >= 0) & ~things.moves[things.of_seen])
     field = DistanceField.of_cubes(things.field_places, edge, settings.radius, settings.thickness)
     return SeenCloud(
-        field, things.clusters(means, spreads, eye), settings.radius, int(np.sum(cloud.counts[unknown])), cloud.out_of_reach,
-        cloud.of_arm, int(np.sum(cloud.counts[~unknown])), len(things.cubes) - len(seen),
+        field, things.clusters(means, spreads, eye), settings.radius, int(np.sum(cloud.counts[unknown])),
+        cloud.out_of_reach, cloud.of_arm, int(np.sum(cloud.counts[~unknown])), len(things.cubes) - len(seen),
         CloudMemory(edge, seen.beside(unseen), time, cloud.sight), held,
     )  # fmt: skip

@@ -47,7 +47,7 @@ class Things:
 
     def clusters(self, means: np.ndarray, spreads: np.ndarray, eye: np.ndarray | None) -> tuple[Cluster, ...]:
         """Make clusters: of what moves by the means (v, 3) [m] and spreads (v, 6) [m^2] of its cubes in this cloud
-        alone, of what stands by all that is known of them; eye : as of `Cluster.of`.
+        alone, of what stands by all that is known of them; eye : as of `Cluster.all_of`.
         """
         if not len(self.chosen):
             return ()

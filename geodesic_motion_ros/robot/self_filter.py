@@ -22,7 +22,7 @@ from geodesic_motion_ros.robot.kinematics import MATRIX, VECTOR, Robot
 
 #: What a cube that has no number is: not looked at yet; inside of a padded sphere; outside of all; neither.
 _UNKNOWN, _INSIDE, _OUTSIDE, _PARTLY = 0, -1, -2, -3
-#: Axes of the products of offsets that are summed.
+#: Axes of the products xx, yy, zz, xy, xz, yz.
 _FIRST, _SECOND = (0, 1, 2, 0, 0, 1), (0, 1, 2, 1, 2, 2)
 #: The arm's body extends so far beyond the tool's origin at most [m].
 _BEYOND_TOOL = 0.2

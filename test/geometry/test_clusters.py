@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import itertools
+
 import numpy as np
 import pytest
 from scipy.ndimage import label
+from scipy.spatial.transform import Rotation
 
 from geodesic_motion_ros.geometry.clusters import Cluster, cluster_radii, hanging_together
 from geodesic_motion_ros.geometry.voxels import VoxelGrid
@@ -14,7 +17,9 @@ EYE, HERE = np.array([1.4, -0.8, 1.2]), np.array([0.4, 0.1, 0.5])
 
 
 def cover(points: np.ndarray, viewpoint: np.ndarray | None = EYE, most: int = MOST) -> Cluster:
-    return Cluster.of(points, most, False, viewpoint)
+    """The cluster of what stands: one of all."""
+    (cluster,) = Cluster.all_of(points, most, True, viewpoint)
+    return cluster
 
 
 def ball(centre: np.ndarray, radius: float, front: bool = True) -> np.ndarray:
@@ -26,6 +31,10 @@ def ball(centre: np.ndarray, radius: float, front: bool = True) -> np.ndarray:
     directions = np.column_stack([flat * np.cos(turns), flat * np.sin(turns), heights])
     points = centre + radius * directions
     return points[np.sum(directions * (EYE - points), axis=1) > 0.0] if front else points
+
+
+def in_order(points: np.ndarray) -> np.ndarray:
+    return points[np.lexsort(points.T)]
 
 
 def outside(points: np.ndarray, spheres: np.ndarray) -> float:
@@ -73,7 +82,7 @@ def test_spheres_hold_all_points_whatever_their_shape_and_are_no_more_than_allow
         cluster = cover(points, viewpoint, most)
         assert outside(points, cluster.spheres) <= 1e-12
         assert 1 <= len(cluster.spheres) <= most
-        np.testing.assert_array_equal(cluster.points, kept)
+        np.testing.assert_array_equal(in_order(cluster.points), in_order(kept))
         np.testing.assert_allclose(np.add(cluster.centre, cluster.half), points.max(axis=0), atol=1e-12)
         np.testing.assert_allclose(np.subtract(cluster.centre, cluster.half), points.min(axis=0), atol=1e-12)
 
@@ -93,6 +102,58 @@ def test_balls_that_touch_are_of_their_own_spheres():
     apart = np.linalg.norm(places[:, None] - spheres[:, :3], axis=2)
     np.testing.assert_allclose(np.min(apart, axis=1), 0.0, atol=0.01)
     np.testing.assert_allclose(spheres[:, 3], 0.05, atol=0.01)
+
+
+def test_of_what_moves_each_ball_is_one_cluster_and_the_rest_another():
+    places = HERE + 0.11 * np.array([[0.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
+    rod = places[1] + np.linspace(0.08, 0.3, 60)[:, None] * [0.0, 1.0, 0.0]
+    points = np.concatenate([*(ball(place, 0.05) for place in places), rod])
+    clusters = Cluster.all_of(points, MOST, False, EYE)
+    balls, (rest,) = [one for one in clusters if one.is_ball], [one for one in clusters if not one.is_ball]
+    apart = np.linalg.norm(places[:, None] - [one.centre for one in balls], axis=2)
+    np.testing.assert_allclose(np.min(apart, axis=1), 0.0, atol=0.005)
+    assert outside(rod, rest.spheres) <= 1e-12
+    # The control: what stands is one, with the same spheres.
+    (standing,) = Cluster.all_of(points, MOST, True, EYE)
+    assert len(standing.spheres) >= sum(len(one.spheres) for one in clusters)
+
+
+@pytest.mark.parametrize("share", [1.0, 0.6, 0.35])
+def test_a_ball_is_where_it_is_however_little_of_it_is_seen(share):
+    points = ball(HERE, 0.05)
+    across = np.cross(EYE - HERE, [0.0, 0.0, 1.0])
+    across /= np.linalg.norm(across)
+    cluster = cover(points[(points - HERE) @ across >= 0.05 * (1.0 - 2.0 * share)])
+    assert cluster.is_ball
+    np.testing.assert_allclose(cluster.centre, HERE, atol=1e-6)
+    assert cluster.spheres[0, 3] == pytest.approx(0.05, abs=1e-6)
+
+
+def patches(points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Means (m, 3) and spreads (m, 6) of the points in each cube."""
+    _, of_cube = np.unique(np.rint(points / EDGE).astype(int), axis=0, return_inverse=True)
+    own = [points[of_cube.ravel() == number] for number in range(of_cube.max() + 1)]
+    spreads = [np.cov(one.T, bias=True)[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]] for one in own]
+    return np.array([np.mean(one, axis=0) for one in own]), np.array(spreads)
+
+
+def test_spheres_hold_the_corners_of_boxes_of_whose_cubes_means_and_spreads_are_known():
+    random, grid = np.random.default_rng(5), np.linspace(-1.0, 1.0, 40)
+    flat = np.stack(np.meshgrid(grid, grid), axis=-1).reshape(-1, 2)
+    without = []
+    for turn in Rotation.random(10, random_state=0):
+        half, faces = random.uniform(0.03, 0.09, 3), []
+        for axis, side in itertools.product(range(3), (-1.0, 1.0)):
+            face = np.insert(flat, axis, side, axis=1) * half
+            if turn.apply(np.eye(3)[axis] * side) @ (EYE - HERE - turn.apply(np.eye(3)[axis] * side * half)) > 0.0:
+                faces.append(HERE + turn.apply(face))
+        points = np.concatenate(faces)
+        means, spreads = patches(points)
+        (cluster,) = Cluster.all_of(means, MOST, True, EYE, spreads)
+        assert outside(points, cluster.spheres) <= 0.005
+        (cluster,) = Cluster.all_of(means, MOST, True, EYE)
+        without.append(outside(points, cluster.spheres))
+    assert max(without) > 0.005
 
 
 def test_cubes_hang_together_that_touch_with_a_corner_too():

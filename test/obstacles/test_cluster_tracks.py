@@ -69,7 +69,7 @@ def test_what_is_hidden_of_a_cluster_is_neither_lost_nor_a_motion():
     front, across = np.sum(directions * (eye - whole), axis=1) > 0.0, across / np.linalg.norm(across)
     for share in np.concatenate([np.ones(30), np.linspace(1.0, 0.3, 30)]):
         seen = front & (directions @ across >= 1.0 - 2.0 * share)
-        known = clouds.show(Cluster.of(whole[seen], 32, False, eye))
+        known = clouds.show(*Cluster.all_of(whole[seen], 32, False, eye))
         outside = np.min(np.linalg.norm(whole[:, None] - known.centres, axis=2) - known.radii, axis=1)
         # What the steps of pixels might be is taken as it is seen.
         assert np.max(outside) <= STEADY_SIZE
@@ -115,7 +115,7 @@ def test_of_what_comes_out_into_view_the_velocity_is_worked_out_anew():
     assert 2.0 * RADIUS * (1.0 - 0.75) > GROWN
     for share in np.concatenate([np.linspace(0.5, 0.75, 20), np.ones(10)]):
         seen = points[points[:, 0] >= HERE[0] + 2.0 * (1.0 - 2.0 * share) * RADIUS]
-        known = clouds.show(Cluster.of(seen, 1, False, None))
+        known = clouds.show(*Cluster.all_of(seen, 1, False, None))
     np.testing.assert_allclose(known.velocities, 0.0, atol=0.01)
 
 
@@ -126,7 +126,7 @@ class TestStanding:
     def standing(offset: float = 0.0, spheres: int = 1) -> Cluster:
         """A rod along x, an end of it farther by an offset [m]."""
         points = HERE + np.column_stack([np.linspace(-0.1, 0.1 + offset, 50), *np.zeros((2, 50))])
-        return Cluster.of(points, spheres, True, None)
+        return Cluster.all_of(points, spheres, True, None)[0]
 
     def test_have_their_spheres_and_no_velocity(self):
         clouds, random = Clouds(), np.random.default_rng(0)
@@ -143,14 +143,14 @@ class TestStanding:
         assert known.velocities.any()
 
     @pytest.mark.parametrize(
-        ("offset", "spheres", "kept"),
-        [(0.0, 4, True), (0.5 * STEADY_SPHERE, 1, True), (2.0 * STEADY_SPHERE, 1, False)],
-        ids=["cut otherwise", "noise", "grown"],
+        ("offset", "before", "after", "kept"),
+        [(0.0, 4, 1, True), (0.0, 1, 4, False), (0.5 * STEADY_SPHERE, 1, 1, True), (2.0 * STEADY_SPHERE, 1, 1, False)],
+        ids=["larger", "smaller", "noise", "grown"],
     )
-    def test_keep_their_spheres_while_these_hold_their_points(self, offset, spheres, kept):
+    def test_keep_their_spheres_while_these_hold_their_points_and_no_smaller_ones_do(self, offset, before, after, kept):
         clouds = Clouds()
-        before = clouds.show(self.standing())
-        after = clouds.show(self.standing(offset, spheres))
+        before = clouds.show(self.standing(0.0, before))
+        after = clouds.show(self.standing(offset, after))
         assert np.array_equal(before.centres, after.centres) is kept
         assert np.array_equal(before.radii, after.radii) is kept
 

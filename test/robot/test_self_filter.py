@@ -98,7 +98,11 @@ def test_what_is_within_the_padding_is_dropped_and_all_else_is_in_its_cube(robot
         order = np.lexsort(result.places.T[::-1])
         np.testing.assert_array_equal(result.places[order], places)
         np.testing.assert_array_equal(result.counts[order], counts)
-        np.testing.assert_allclose(result.means[order], means / counts[:, None], atol=1e-9)
+        means /= counts[:, None]
+        np.testing.assert_allclose(result.means[order], means, atol=1e-9)
+        off, spreads = kept - means[cube_of.ravel()], np.zeros((len(places), 6))
+        np.add.at(spreads, cube_of.ravel(), off[:, [0, 1, 2, 0, 0, 1]] * off[:, [0, 1, 2, 1, 2, 2]])
+        np.testing.assert_allclose(result.spreads[order], spreads / counts[:, None], atol=1e-12)
         assert result.out_of_reach == np.count_nonzero(~in_reach) > 0
         assert result.of_arm == np.count_nonzero(in_reach) - len(kept) > 0
 
