@@ -97,12 +97,13 @@ def see_cloud(
     # What touches the arm may be of the arm, which hides it from the camera as long as it stays.
     of_arm = recalled.hidden & arm.touches(recalled.unseen.means, spheres, edge)
     unseen = recalled.unseen.only(~of_arm)
-    things = find_things(recalled.seen, unseen.only(unseen.stands), grid)
+    things = find_things(recalled.seen, cloud.counts[unknown], unseen.only(unseen.stands), grid)
+    clusters = things.clusters(means, spreads, eye)
 
     seen = replace(recalled.seen, stands=(things.of_seen >= 0) & ~things.moves[things.of_seen])
-    field = DistanceField.of_cubes(things.field_places, edge, settings.radius, settings.thickness)
+    field = DistanceField.of_cubes(things.field_places(clusters, edge), edge, settings.radius, settings.thickness)
     return SeenCloud(
-        field, things.clusters(means, spreads, eye), settings.radius, int(np.sum(cloud.counts[unknown])),
+        field, clusters, settings.radius, int(np.sum(cloud.counts[unknown])),
         cloud.out_of_reach, cloud.of_arm, int(np.sum(cloud.counts[~unknown])), len(things.cubes) - len(seen),
         CloudMemory(edge, seen.beside(unseen), time, cloud.sight), held,
     )  # fmt: skip

@@ -51,7 +51,7 @@ class _Thing:
         self._sizes: deque[tuple[float, Vector]] = deque()
         # Spheres (k, 4) around the place [m], the radius that holds them all, and when they were seen [s].
         self._spheres, self._radius, self._spheres_seen = np.zeros((0, 4)), 0.0, -math.inf
-        self.stands = False
+        self.stands = self._is_ball = False
         self.seen = -math.inf
 
     def expected(self, time: float) -> Vector:
@@ -86,6 +86,7 @@ class _Thing:
             # A part of it was seen before, and the middle of that tells nothing of how the whole moves.
             self.obstacle = TrackedObstacle()
         self._sizes.append((time, cluster.half))
+        self._is_ball = cluster.is_ball
         place = np.zeros(3) if cluster.stands else np.array(centre)
         spheres = cluster.spheres - np.array([*place, -around])
         same = cluster.stands == self.stands and time <= self._spheres_seen + SIZE_MEMORY
@@ -122,7 +123,7 @@ class _Thing:
             return cluster.centre
         expected = self.expected(time)
         hidden = self._hidden(cluster)
-        if max(hidden) <= STEADY_SIZE:
+        if max(hidden) <= STEADY_SIZE and cluster.is_ball == self._is_ball:
             return cluster.centre
         points = np.column_stack([cluster.points - np.array(expected), np.zeros(len(cluster.points))])
         if not self.stands and _hold(self._spheres, points):

@@ -6,13 +6,14 @@ wide. The rest stands, cube by cube, as a table does.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from geodesic_motion_ros.geometry.clusters import Cluster, cluster_radii, hanging_together
 from geodesic_motion_ros.geometry.voxels import VoxelGrid
-from geodesic_motion_ros.obstacles.cloud_memory import NEW_SHARE, Cubes, flickering
+from geodesic_motion_ros.obstacles.cloud_memory import NEW_SHARE, SELDOM, Cubes, flickering
 
 #: What has a cube farther [m] from its middle is not small; what is of fewer cubes may be an error of the camera.
 LARGEST, FEWEST_CUBES = 0.25, 4
@@ -38,11 +39,18 @@ class Things:
     chosen: np.ndarray
     moves: np.ndarray
 
-    @property
-    def field_places(self) -> np.ndarray:
-        """Places (n, 3) of the cubes that are in no cluster; of what moves now, those where it was."""
+    def field_places(self, clusters: Sequence[Cluster], edge: float) -> np.ndarray:
+        """Places (n, 3) of the cubes, with an edge [m], that are in none of the clusters made of these things; of what
+        moves now, those where it was and is not any more.
+        """
         in_cluster = np.isin(self.of_cube, self.chosen)
-        in_cluster[len(self.of_seen) :] &= ~self.moves[self.of_cube[len(self.of_seen) :]]
+        before = np.arange(len(self.cubes)) >= len(self.of_seen)
+        before &= self.moves[self.of_cube]
+        moving = [one.spheres for one in clusters if not one.stands]
+        if moving and np.any(before):
+            spheres = np.concatenate(moving)
+            gaps = np.linalg.norm(edge * self.cubes.places[before, None] - spheres[:, :3], axis=2) - spheres[:, 3]
+            in_cluster[before] = np.min(gaps, axis=1) <= edge
         return self.cubes.places[(self.of_cube >= 0) & ~in_cluster]
 
     def clusters(self, means: np.ndarray, spreads: np.ndarray, eye: np.ndarray | None) -> tuple[Cluster, ...]:
@@ -63,8 +71,9 @@ class Things:
         return tuple(made)
 
 
-def find_things(seen: Cubes, remembered: Cubes, grid: VoxelGrid) -> Things:
-    """Find the things of cubes that a cloud shows, and of those that are remembered and stand.
+def find_things(seen: Cubes, counts: np.ndarray, remembered: Cubes, grid: VoxelGrid) -> Things:
+    """Find the things of cubes that a cloud shows, of so many points each (v,), and of those that are remembered and
+    stand.
 
     A thing stands where the cubes that are seen of it have stood but for `NEW_SHARE`.
     """
@@ -74,6 +83,9 @@ def find_things(seen: Cubes, remembered: Cubes, grid: VoxelGrid) -> Things:
     of_steady, sizes = hanging_together(places, grid.numbered(places), grid.first)
     of_cube = np.full(len(cubes), -1)
     of_cube[~noise] = of_steady
+    # One point by itself may be an error of the camera, until it is seen again.
+    alone = (sizes == 1)[of_cube[: len(seen)]] & (counts == 1) & (seen.share < SELDOM)
+    of_cube[: len(seen)][alone] = -1
     of_seen = of_cube[: len(seen)]
     count, new = (np.bincount(of[of >= 0], minlength=len(sizes)) for of in (of_seen, of_seen[~seen.stands]))
     small = (cluster_radii(means, of_steady, len(sizes)) <= LARGEST) & (sizes >= FEWEST_CUBES)
