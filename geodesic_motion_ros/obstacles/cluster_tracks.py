@@ -3,10 +3,11 @@
 A cluster is an obstacle as a marker is, with the velocity of `velocity_filter.py`, but of a few spheres. It has no
 name, so it goes on with the one whose place is nearest of those that a velocity explains, and that were about as large.
 
-What the arm, or something else, hides of it makes it smaller, and moves the middle of what is left, which is no motion.
-So its size is the largest of the last `SIZE_MEMORY`, and where it is smaller along an axis one of its two sides counts
-as seen: the one that puts its middle nearer to where it is expected. Its spheres stay as they are while they hold what
-is seen. What is not seen at all any more moves on for a moment.
+What the arm, or something else, hides of it makes it smaller, and moves the middle of what is left, which is no
+motion, but for a ball, which is known as a whole. So its size is the largest of the last `SIZE_MEMORY`, and where it
+is smaller along an axis one of its two sides counts as seen: the one that puts its middle nearer to where it is
+expected. Its spheres stay as they are while they hold what is seen. What is not seen at all any more moves on for a
+moment.
 """
 
 from __future__ import annotations
@@ -83,7 +84,7 @@ class _Thing:
             self._sizes.popleft()
         centre = self._placed(cluster, time)
         if self._sizes and (min(self._hidden(cluster)) < -GROWN or (self.stands and not cluster.stands)):
-            # A part of it was seen before, and the middle of that tells nothing of how the whole moves.
+            # A part of it was seen before, or where it stood was averaged: that tells nothing of how the whole moves.
             self.obstacle = TrackedObstacle()
         self._sizes.append((time, cluster.half))
         self._is_ball = cluster.is_ball
