@@ -25,18 +25,16 @@ _WORTH_CUTTING, _INSIDE, _SMALLEST = 0.85, 0.010, 0.05
 #: So many patches or more are of a ball from whose surface they deviate by no more than this [m]; but not where it is
 #: larger than so many times the sphere that holds them otherwise. Its volume counts for less: a cut is to find it.
 _BALL_PATCHES, _BALL_DEVIATION, _BALL_SIZE, _BALL_SHARE = 8, 0.003, 1.5, 0.25
-#: A part sticks out of balls by so much [m] at least.
-_STICKS_OUT = 0.005
 #: Along each axis a cut is looked for at multiples of this part of the length.
 _CUTS = 6
 
 
 class Cluster(NamedTuple):
-    """What hangs together in a cloud, or a part of it.
+    """What hangs together in a cloud.
 
     Attributes
     ----------
-    centre, half : (3,) middle and half extents of the box along the axes around its points, or around a ball [m].
+    centre, half : (3,) middle and half extents of the box along the axes around its points [m].
     points : (n, 3) [m]. spheres : (k, 4) that cover them and what is behind them: centres, radii [m].
     stands : whether it is known to stand.
     """
@@ -47,52 +45,26 @@ class Cluster(NamedTuple):
     spheres: np.ndarray
     stands: bool = False
 
-    @property
-    def is_ball(self) -> bool:
-        """Whether it is known as a whole, however little of it is seen."""
-        return len(self.spheres) == 1 and self.centre == tuple(self.spheres[0, :3].tolist())
-
     @classmethod
-    def all_of(
+    def of(
         cls,
         points: np.ndarray,
         most: int,
         stands: bool,
         eye: np.ndarray | None,
         spreads: np.ndarray | None = None,
-    ) -> tuple[Cluster, ...]:
-        """Make those of points (n, 3) [m] that hang together: of what stands one, otherwise one of each ball and one of
-        the rest.
+    ) -> Cluster:
+        """Make one of points (n, 3) [m].
 
         spreads : (n, 6) xx, yy, zz, xy, xz, yz [m^2] of the covariance of those that each one is the mean of.
-        most : of so many spheres at most, together.
+        most : of so many spheres at most.
         eye : (3,) [m] where they were seen from; None where that is unknown: nothing is taken to be behind them.
         """
         seen_from = np.full(3, np.nan) if eye is None else np.ascontiguousarray(eye, dtype=float)
         patches = np.column_stack([points, np.zeros((len(points), 6)) if spreads is None else spreads])
-        spheres, ranges, balls = _cover(patches, most, seen_from)
-        if stands and len(spheres) > 1:
-            balls[:] = False
-        parts = [patches[begin:end, :3] for begin, end in ranges]
-        made, rest = [], []
-        for sphere, part, is_ball in zip(spheres, parts, balls, strict=True):
-            if is_ball:
-                x, y, z, radius = sphere.tolist()
-                made.append(cls((x, y, z), (radius, radius, radius), part, sphere[None], stands))
-            elif not np.any(balls) or _outside(part, spheres[balls]) > _STICKS_OUT:
-                rest.append((sphere, part))
-        if rest:
-            others, held = np.array([sphere for sphere, _ in rest]), np.concatenate([part for _, part in rest])
-            lower, upper = corners(held)
-            middle, half = 0.5 * (lower + upper), 0.5 * (upper - lower)
-            made.append(cls(tuple(middle.tolist()), tuple(half.tolist()), held, others, stands))
-        return tuple(made)
-
-
-def _outside(points: np.ndarray, spheres: np.ndarray) -> float:
-    """Find how far the farthest of points (n, 3) is outside of all spheres (k, 4), one at least [m]."""
-    gaps = np.linalg.norm(points[:, None] - spheres[:, :3], axis=2) - spheres[:, 3]
-    return float(np.max(np.min(gaps, axis=1)))
+        lower, upper = corners(points)
+        middle, half = 0.5 * (lower + upper), 0.5 * (upper - lower)
+        return cls(tuple(middle.tolist()), tuple(half.tolist()), points, _cover(patches, most, seen_from), stands)
 
 
 @numba.njit((PLACES, NUMBERS, WHOLE), cache=True, nogil=True)
@@ -296,16 +268,15 @@ def _part(patches: np.ndarray, eye: np.ndarray) -> int:
 
 
 @numba.njit((numba.types.Array(numba.float64, 2, "C"), numba.int64, VECTOR), cache=True, nogil=True)
-def _cover(patches: np.ndarray, most: int, eye: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Cover patches (n, 9), which are sorted for that, by so many spheres at most: (k, 4) [m]; find from where to where
-    those are that each one holds (k, 2), and which are balls (k,).
+def _cover(patches: np.ndarray, most: int, eye: np.ndarray) -> np.ndarray:
+    """Cover patches (n, 9), which are sorted for that, by so many spheres at most: (k, 4) [m].
 
     eye : (3,) [m] where they were seen from; nan where that is unknown.
     """
     # A tree: the two parts of a node are its first part and the node after that; 0 for none.
     first_part, count = np.zeros(2 * most, dtype=np.int64), 1
     ranges, spheres = np.zeros((2 * most, 2), dtype=np.int64), np.zeros((2 * most, 4))
-    # How large those are that may be cut.
+    # How large those are that may be cut; which are balls.
     sizes, balls = np.zeros(2 * most), np.zeros(2 * most, dtype=np.bool_)
     ranges[0, 1] = len(patches)
     spheres[0, :3], spheres[0, 3], inside, balls[0] = _sphere(patches, eye)
@@ -334,4 +305,4 @@ def _cover(patches: np.ndarray, most: int, eye: np.ndarray) -> tuple[np.ndarray,
         if chosen[node] and not whole[node]:
             part = first_part[node]
             chosen[node], chosen[part], chosen[part + 1] = False, True, True
-    return spheres[:count][chosen], ranges[:count][chosen], balls[:count][chosen]
+    return spheres[:count][chosen]

@@ -4,7 +4,7 @@ A cluster is an obstacle as a marker is, with the velocity of `velocity_filter.p
 name, so it goes on with the one whose place is nearest of those that a velocity explains, and that were about as large.
 
 What the arm, or something else, hides of it makes it smaller, and moves the middle of what is left, which is no
-motion, but for a ball, which is known as a whole. So its size is the largest of the last `SIZE_MEMORY`, and where it
+motion. So its size is the largest of the last `SIZE_MEMORY`, and where it
 is smaller along an axis one of its two sides counts as seen: the one that puts its middle nearer to where it is
 expected. Its spheres stay as they are while they hold what is seen. What is not seen at all any more moves on for a
 moment.
@@ -34,7 +34,7 @@ STEADY_SIZE = 0.01
 GROWN = 0.02
 #: Spheres hold others that stick out by no more than this [m], which noise does.
 STEADY_SPHERE = 0.005
-#: Spheres of what stands, and balls, are replaced by ones with less than this share of their volume.
+#: Spheres of what stands are replaced by ones with less than this share of their volume.
 SMALLER = 0.85
 #: What is hidden wholly goes on as it did for so long [s] at most.
 HIDDEN = 2.0
@@ -52,7 +52,7 @@ class _Thing:
         self._sizes: deque[tuple[float, Vector]] = deque()
         # Spheres (k, 4) around the place [m], the radius that holds them all, and when they were seen [s].
         self._spheres, self._radius, self._spheres_seen = np.zeros((0, 4)), 0.0, -math.inf
-        self.stands = self._is_ball = False
+        self.stands = False
         self.seen = -math.inf
 
     def expected(self, time: float) -> Vector:
@@ -83,16 +83,15 @@ class _Thing:
         while self._sizes and self._sizes[0][0] < time - SIZE_MEMORY:
             self._sizes.popleft()
         centre = self._placed(cluster, time)
-        if self._sizes and (min(self._hidden(cluster)) < -GROWN or (self.stands and not cluster.stands)):
-            # A part of it was seen before, or where it stood was averaged: that tells nothing of how the whole moves.
+        if self._sizes and min(self._hidden(cluster)) < -GROWN:
+            # A part of it was seen before, and the middle of that tells nothing of how the whole moves.
             self.obstacle = TrackedObstacle()
         self._sizes.append((time, cluster.half))
-        self._is_ball = cluster.is_ball
         place = np.zeros(3) if cluster.stands else np.array(centre)
         spheres = cluster.spheres - np.array([*place, -around])
         same = cluster.stands == self.stands and time <= self._spheres_seen + SIZE_MEMORY
-        if cluster.stands or cluster.is_ball:
-            # What is not smaller because a part of it is hidden.
+        if cluster.stands:
+            # It is not smaller because a part of it is hidden.
             same &= np.sum(spheres[:, 3] ** 3) > SMALLER * np.sum(self._spheres[:, 3] ** 3)
         # Of what stands another cut is no news.
         points = np.column_stack([cluster.points - place, np.full(len(cluster.points), around)])
@@ -124,7 +123,7 @@ class _Thing:
             return cluster.centre
         expected = self.expected(time)
         hidden = self._hidden(cluster)
-        if max(hidden) <= STEADY_SIZE and cluster.is_ball == self._is_ball:
+        if max(hidden) <= STEADY_SIZE:
             return cluster.centre
         points = np.column_stack([cluster.points - np.array(expected), np.zeros(len(cluster.points))])
         if not self.stands and _hold(self._spheres, points):

@@ -55,7 +55,7 @@ class Things:
 
     def clusters(self, means: np.ndarray, spreads: np.ndarray, eye: np.ndarray | None) -> tuple[Cluster, ...]:
         """Make clusters: of what moves by the means (v, 3) [m] and spreads (v, 6) [m^2] of its cubes in this cloud
-        alone, of what stands by all that is known of them; eye : as of `Cluster.all_of`.
+        alone, of what stands by all that is known of them; eye : as of `Cluster.of`.
         """
         if not len(self.chosen):
             return ()
@@ -64,10 +64,10 @@ class Things:
         for one in self.chosen:
             if self.moves[one]:
                 own = self.of_seen == one
-                made += Cluster.all_of(means[own], most, False, eye, spreads[own])
+                made.append(Cluster.of(means[own], most, False, eye, spreads[own]))
             else:
                 known = self.cubes.only(self.of_cube == one)
-                made += Cluster.all_of(known.means, most, True, eye, known.spreads)
+                made.append(Cluster.of(known.means, most, True, eye, known.spreads))
         return tuple(made)
 
 

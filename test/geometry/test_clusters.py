@@ -17,9 +17,7 @@ EYE, HERE = np.array([1.4, -0.8, 1.2]), np.array([0.4, 0.1, 0.5])
 
 
 def cover(points: np.ndarray, viewpoint: np.ndarray | None = EYE, most: int = MOST) -> Cluster:
-    """The cluster of what stands: one of all."""
-    (cluster,) = Cluster.all_of(points, most, True, viewpoint)
-    return cluster
+    return Cluster.of(points, most, False, viewpoint)
 
 
 def ball(centre: np.ndarray, radius: float, front: bool = True) -> np.ndarray:
@@ -104,29 +102,13 @@ def test_balls_that_touch_are_of_their_own_spheres():
     np.testing.assert_allclose(spheres[:, 3], 0.05, atol=0.01)
 
 
-def test_of_what_moves_each_ball_is_one_cluster_and_the_rest_another():
-    places = HERE + 0.11 * np.array([[0.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
-    rod = places[1] + np.linspace(0.08, 0.3, 60)[:, None] * [0.0, 1.0, 0.0]
-    points = np.concatenate([*(ball(place, 0.05) for place in places), rod])
-    clusters = Cluster.all_of(points, MOST, False, EYE)
-    balls, (rest,) = [one for one in clusters if one.is_ball], [one for one in clusters if not one.is_ball]
-    apart = np.linalg.norm(places[:, None] - [one.centre for one in balls], axis=2)
-    np.testing.assert_allclose(np.min(apart, axis=1), 0.0, atol=0.005)
-    assert outside(rod, rest.spheres) <= 1e-12
-    # The control: what stands is one, with the same spheres.
-    (standing,) = Cluster.all_of(points, MOST, True, EYE)
-    assert len(standing.spheres) >= sum(len(one.spheres) for one in clusters)
-
-
 @pytest.mark.parametrize("share", [1.0, 0.6, 0.35])
 def test_a_ball_is_where_it_is_however_little_of_it_is_seen(share):
     points = ball(HERE, 0.05)
     across = np.cross(EYE - HERE, [0.0, 0.0, 1.0])
     across /= np.linalg.norm(across)
-    cluster = cover(points[(points - HERE) @ across >= 0.05 * (1.0 - 2.0 * share)])
-    assert cluster.is_ball
-    np.testing.assert_allclose(cluster.centre, HERE, atol=1e-6)
-    assert cluster.spheres[0, 3] == pytest.approx(0.05, abs=1e-6)
+    (sphere,) = cover(points[(points - HERE) @ across >= 0.05 * (1.0 - 2.0 * share)]).spheres
+    np.testing.assert_allclose(sphere, [*HERE, 0.05], atol=1e-6)
 
 
 def patches(points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -149,9 +131,9 @@ def test_spheres_hold_the_corners_of_boxes_of_whose_cubes_means_and_spreads_are_
                 faces.append(HERE + turn.apply(face))
         points = np.concatenate(faces)
         means, spreads = patches(points)
-        (cluster,) = Cluster.all_of(means, MOST, True, EYE, spreads)
+        cluster = Cluster.of(means, MOST, True, EYE, spreads)
         assert outside(points, cluster.spheres) <= 0.005
-        (cluster,) = Cluster.all_of(means, MOST, True, EYE)
+        cluster = Cluster.of(means, MOST, True, EYE)
         without.append(outside(points, cluster.spheres))
     assert max(without) > 0.005
 

@@ -69,7 +69,7 @@ def test_what_is_hidden_of_a_cluster_is_neither_lost_nor_a_motion():
     front, across = np.sum(directions * (eye - whole), axis=1) > 0.0, across / np.linalg.norm(across)
     for share in np.concatenate([np.ones(30), np.linspace(1.0, 0.3, 30)]):
         seen = front & (directions @ across >= 1.0 - 2.0 * share)
-        known = clouds.show(*Cluster.all_of(whole[seen], 32, False, eye))
+        known = clouds.show(Cluster.of(whole[seen], 32, False, eye))
         outside = np.min(np.linalg.norm(whole[:, None] - known.centres, axis=2) - known.radii, axis=1)
         # What the steps of pixels might be is taken as it is seen.
         assert np.max(outside) <= STEADY_SIZE
@@ -115,7 +115,7 @@ def test_of_what_comes_out_into_view_the_velocity_is_worked_out_anew():
     assert 2.0 * RADIUS * (1.0 - 0.75) > GROWN
     for share in np.concatenate([np.linspace(0.5, 0.75, 20), np.ones(10)]):
         seen = points[points[:, 0] >= HERE[0] + 2.0 * (1.0 - 2.0 * share) * RADIUS]
-        known = clouds.show(*Cluster.all_of(seen, 1, False, None))
+        known = clouds.show(Cluster.of(seen, 1, False, None))
     np.testing.assert_allclose(known.velocities, 0.0, atol=0.01)
 
 
@@ -126,7 +126,7 @@ class TestStanding:
     def standing(offset: float = 0.0, spheres: int = 1) -> Cluster:
         """A rod along x, an end of it farther by an offset [m]."""
         points = HERE + np.column_stack([np.linspace(-0.1, 0.1 + offset, 50), *np.zeros((2, 50))])
-        return Cluster.all_of(points, spheres, True, None)[0]
+        return Cluster.of(points, spheres, True, None)
 
     def test_have_their_spheres_and_no_velocity(self):
         clouds, random = Clouds(), np.random.default_rng(0)
