@@ -19,11 +19,12 @@ import numpy as np
 from geodesic_motion_ros.geometry.point_clouds import POINTS, VECTOR, corners
 from geodesic_motion_ros.geometry.voxels import NUMBERS, PLACES, WHOLE
 
-#: What has a sphere is cut where the parts have less than this share of its volume; but not where the points are inside
-#: of it by no more than this on average [m], nor what has one that is no larger [m].
+#: Points are cut in two where the spheres of the parts have less than this share of the volume of theirs; but not where
+#: they are inside of theirs by no more than this on average [m], nor where it is no larger than this [m].
 _WORTH_CUTTING, _INSIDE, _SMALLEST = 0.85, 0.010, 0.05
-#: So many patches or more are of a ball from whose surface they deviate by no more than this [m]; but not where it is
-#: larger than so many times the sphere that holds them otherwise. Its volume counts for less: a cut is to find it.
+#: So many patches or more are of a ball where they deviate from its surface by no more than this [m], and it is no
+#: larger than so many times the sphere that holds them otherwise. Such a part counts with this share of its volume, so
+#: that cuts find balls.
 _BALL_PATCHES, _BALL_DEVIATION, _BALL_SIZE, _BALL_SHARE = 8, 0.003, 1.5, 0.25
 #: Along each axis a cut is looked for at multiples of this part of the length.
 _CUTS = 6
@@ -276,7 +277,7 @@ def _cover(patches: np.ndarray, most: int, eye: np.ndarray) -> np.ndarray:
     # A tree: the two parts of a node are its first part and the node after that; 0 for none.
     first_part, count = np.zeros(2 * most, dtype=np.int64), 1
     ranges, spheres = np.zeros((2 * most, 2), dtype=np.int64), np.zeros((2 * most, 4))
-    # How large those are that may be cut; which are balls.
+    # How large those are that may be cut, and which are balls.
     sizes, balls = np.zeros(2 * most), np.zeros(2 * most, dtype=np.bool_)
     ranges[0, 1] = len(patches)
     spheres[0, :3], spheres[0, 3], inside, balls[0] = _sphere(patches, eye)

@@ -3,11 +3,10 @@
 A cluster is an obstacle as a marker is, with the velocity of `velocity_filter.py`, but of a few spheres. It has no
 name, so it goes on with the one whose place is nearest of those that a velocity explains, and that were about as large.
 
-What the arm, or something else, hides of it makes it smaller, and moves the middle of what is left, which is no
-motion. So its size is the largest of the last `SIZE_MEMORY`, and where it
-is smaller along an axis one of its two sides counts as seen: the one that puts its middle nearer to where it is
-expected. Its spheres stay as they are while they hold what is seen. What is not seen at all any more moves on for a
-moment.
+What the arm, or something else, hides of it makes it smaller, and moves the middle of what is left, which is no motion.
+So its size is the largest of the last `SIZE_MEMORY`, and where it is smaller along an axis one of its two sides counts
+as seen: the one that puts its middle nearer to where it is expected. Its spheres stay as they are while they hold what
+is seen. What is not seen at all any more moves on for a moment.
 """
 
 from __future__ import annotations
@@ -91,9 +90,8 @@ class _Thing:
         spheres = cluster.spheres - np.array([*place, -around])
         same = cluster.stands == self.stands and time <= self._spheres_seen + SIZE_MEMORY
         if cluster.stands:
-            # It is not smaller because a part of it is hidden.
+            # Another cut is no news, but where it is smaller, for what is hidden is remembered.
             same &= np.sum(spheres[:, 3] ** 3) > SMALLER * np.sum(self._spheres[:, 3] ** 3)
-        # Of what stands another cut is no news.
         points = np.column_stack([cluster.points - place, np.full(len(cluster.points), around)])
         if not (same and _hold(self._spheres, points if cluster.stands else spheres)):
             self._spheres, self._spheres_seen, self.stands = spheres, time, cluster.stands

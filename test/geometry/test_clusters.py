@@ -31,10 +31,6 @@ def ball(centre: np.ndarray, radius: float, front: bool = True) -> np.ndarray:
     return points[np.sum(directions * (EYE - points), axis=1) > 0.0] if front else points
 
 
-def in_order(points: np.ndarray) -> np.ndarray:
-    return points[np.lexsort(points.T)]
-
-
 def outside(points: np.ndarray, spheres: np.ndarray) -> float:
     """How far the farthest of points is outside of all spheres [m]."""
     return float(np.max(np.min(np.linalg.norm(points[:, None] - spheres[:, :3], axis=2) - spheres[:, 3], axis=1)))
@@ -80,7 +76,7 @@ def test_spheres_hold_all_points_whatever_their_shape_and_are_no_more_than_allow
         cluster = cover(points, viewpoint, most)
         assert outside(points, cluster.spheres) <= 1e-12
         assert 1 <= len(cluster.spheres) <= most
-        np.testing.assert_array_equal(in_order(cluster.points), in_order(kept))
+        np.testing.assert_array_equal(cluster.points, kept)
         np.testing.assert_allclose(np.add(cluster.centre, cluster.half), points.max(axis=0), atol=1e-12)
         np.testing.assert_allclose(np.subtract(cluster.centre, cluster.half), points.min(axis=0), atol=1e-12)
 

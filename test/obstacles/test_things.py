@@ -48,10 +48,6 @@ def field_places(things: Things) -> np.ndarray:
     return things.field_places(clusters, EDGE)
 
 
-def in_order(points: np.ndarray) -> np.ndarray:
-    return points[np.lexsort(points.T)]
-
-
 def same(places: np.ndarray, *expected: Cubes) -> bool:
     """Whether places (n, 3) are those of cubes, in any order."""
     return sorted(map(tuple, places.tolist())) == sorted(
@@ -66,7 +62,7 @@ def test_a_small_thing_is_a_cluster_and_moves_unless_its_cubes_stand(stands):
     (cluster,) = things.clusters(seen.means, seen.spreads, None)
     assert cluster.stands is stands
     assert things.moves[things.of_seen].tolist() == [not stands] * len(seen)
-    np.testing.assert_array_equal(in_order(cluster.points), in_order(seen.means))
+    np.testing.assert_array_equal(cluster.points, seen.means)
     assert len(field_places(things)) == 0
 
 
@@ -103,7 +99,7 @@ class TestRemembered:
         seen, unseen = block((5, 5, 5)), block((8, 5, 5))
         things = find(seen, remembered=unseen)
         (cluster,) = things.clusters(seen.means, seen.spreads, None)
-        np.testing.assert_array_equal(in_order(cluster.points), in_order(np.concatenate([seen.means, unseen.means])))
+        np.testing.assert_array_equal(cluster.points, np.concatenate([seen.means, unseen.means]))
         assert len(field_places(things)) == 0
 
     def test_of_what_moves_it_stays_where_it_was(self):
@@ -112,7 +108,7 @@ class TestRemembered:
         fresh = seen.means + 0.001
         (cluster,) = things.clusters(fresh, seen.spreads, None)
         assert not cluster.stands
-        np.testing.assert_array_equal(in_order(cluster.points), in_order(fresh))
+        np.testing.assert_array_equal(cluster.points, fresh)
         # But for what it covers.
         places = set(map(tuple, field_places(things).tolist()))
         assert (8, 6, 6) not in places
