@@ -46,8 +46,10 @@ def call_kernels() -> None:
 
 def main() -> None:
     """Compile what the cache lacks."""
-    for number in (signal.SIGINT, signal.SIGPIPE):  # end without a word where nobody waits any more
+    ends = signal.SIGINT, signal.SIGPIPE  # end without a word where nobody waits any more
+    for number in ends:
         signal.signal(number, signal.SIG_DFL)
+    signal.pthread_sigmask(signal.SIG_UNBLOCK, ends)  # the process that started this one may have blocked them
     gc.disable()  # collections take a seventh of the time, for a process that soon ends
     with event.install_listener("numba:compile", _Printer()):
         call_kernels()

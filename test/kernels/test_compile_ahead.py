@@ -124,8 +124,10 @@ def test_a_program_begins_where_kernels_cannot_be_compiled_ahead(few, tmp_path: 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_a_node_that_is_ended_while_compiling_exits_cleanly_and_leaves_no_process(few, number, tmp_path: Path) -> None:
+    """However signals are blocked where it was started."""
     _, environment = few
     program = "from geodesic_motion_ros.nodes.start import planner; import sys; sys.argv = ['planner']; planner()"
+    program = f"import signal; signal.pthread_sigmask(signal.SIG_BLOCK, [signal.SIGPIPE]); {program}"
     node = subprocess.Popen(
         [sys.executable, "-c", program], env=environment, cwd=tmp_path, stderr=subprocess.PIPE, text=True
     )
