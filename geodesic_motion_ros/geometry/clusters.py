@@ -11,7 +11,7 @@ beyond its mean, as a flat face does; an edge or a corner reaches little farther
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import NamedTuple, TypeAlias
 
 import numba
 import numpy as np
@@ -25,9 +25,14 @@ _WORTH_CUTTING, _INSIDE, _SMALLEST = 0.85, 0.010, 0.05
 #: So many patches or more are of a ball where they deviate from its surface by no more than this [m], and it is no
 #: larger than so many times the sphere that holds them otherwise. Such a part counts with this share of its volume, so
 #: that cuts find balls.
-_BALL_PATCHES, _BALL_DEVIATION, _BALL_SIZE, _BALL_SHARE = 8, 0.003, 1.5, 0.25
+_BALL_PATCHES, BALL_DEVIATION, _BALL_SIZE, _BALL_SHARE = 8, 0.003, 1.5, 0.25
+# Steps in which a ball is fit: it begins with one that is off by little.
+_FIT_STEPS = 4
 #: Along each axis a cut is looked for at multiples of this part of the length.
 _CUTS = 6
+
+# Points (n, 3) [m] and spreads (n, 6) [m^2], as of `Cluster.of`.
+Known: TypeAlias = tuple[np.ndarray, np.ndarray]
 
 
 class Cluster(NamedTuple):
@@ -36,43 +41,60 @@ class Cluster(NamedTuple):
     Attributes
     ----------
     centre, half : (3,) middle and half extents of the box along the axes around its points [m].
-    points : (n, 3) [m]. spheres : (k, 4) that cover them and what is behind them: centres, radii [m].
-    stands : whether it is known to stand.
+    points : (n, 3) that are seen [m]. covered : (m, 3) these, or all that are known of what stands [m].
+    spheres : (k, 4) that cover those and what is behind them: centres, radii [m].
+    ball : (4,) the ball that the points are of: centre, radius of a sphere that holds them [m]; None where there is
+        none.
+    stands : whether it is known to stand. number : the same in every cloud, 0 where it is not known. part_of : what it
+        was a part of in the cloud before, or 0.
     """
 
     centre: tuple[float, float, float]
     half: tuple[float, float, float]
     points: np.ndarray
+    covered: np.ndarray
     spheres: np.ndarray
+    ball: np.ndarray | None = None
     stands: bool = False
+    number: int = 0
+    part_of: int = 0
 
     @classmethod
     def of(
         cls,
         points: np.ndarray,
         most: int,
-        stands: bool,
         eye: np.ndarray | None,
         spreads: np.ndarray | None = None,
+        known: Known | None = None,
     ) -> Cluster:
-        """Make one of points (n, 3) [m].
+        """Make one of points (n, 3) [m] that are seen.
 
-        spreads : (n, 6) xx, yy, zz, xy, xz, yz [m^2] of the covariance of those that each one is the mean of.
         most : of so many spheres at most.
         eye : (3,) [m] where they were seen from; None where that is unknown: nothing is taken to be behind them.
+        spreads : (n, 6) xx, yy, zz, xy, xz, yz [m^2] of the covariance of those that each one is the mean of.
+        known : the points and spreads that are known of what stands, and are covered; None: what is seen is covered.
         """
         seen_from = np.full(3, np.nan) if eye is None else np.ascontiguousarray(eye, dtype=float)
         patches = np.column_stack([points, np.zeros((len(points), 6)) if spreads is None else spreads])
         lower, upper = corners(points)
         middle, half = 0.5 * (lower + upper), 0.5 * (upper - lower)
-        return cls(tuple(middle.tolist()), tuple(half.tolist()), points, _cover(patches, most, seen_from), stands)
+        centre, radius, _, is_ball = _sphere(patches, seen_from)
+        covered = points if known is None else known[0]
+        spheres = _cover(patches if known is None else np.column_stack(known), most, seen_from)
+        ball = np.array([*centre, radius]) if is_ball else None
+        return cls(tuple(middle.tolist()), tuple(half.tolist()), points, covered, spheres, ball, known is not None)
 
 
-@numba.njit((PLACES, NUMBERS, WHOLE), cache=True, nogil=True)
-def hanging_together(places: np.ndarray, cubes: np.ndarray, first: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+@numba.njit((PLACES, NUMBERS, WHOLE, WHOLE, POINTS, numba.float64), cache=True, nogil=True)
+def hanging_together(
+    places: np.ndarray, cubes: np.ndarray, first: np.ndarray, kinds: np.ndarray, means: np.ndarray, gap: float
+) -> tuple[np.ndarray, np.ndarray]:
     """Number what hangs together: of each cube at places (v, 3) (v,), and how many cubes each has (m,).
 
     cubes : 1 + the numbers of the cubes in a grid, others are 0 or less. first : (3,) place of its lower corner.
+    kinds : (v,) those of different kinds do not hang together, nor do those whose means (v, 3) are farther apart than
+    a gap [m].
     """
     of_cube, waiting = np.full(len(places), -1), np.empty(len(places), dtype=np.int64)
     sizes, clusters = np.empty(len(places), dtype=np.int64), 0
@@ -89,7 +111,9 @@ def hanging_together(places: np.ndarray, cubes: np.ndarray, first: np.ndarray) -
                 for b in range(j - 1, j + 2):
                     for c in range(k - 1, k + 2):
                         other = cubes[a, b, c] - 1
-                        if other >= 0 and of_cube[other] < 0:
+                        if other < 0 or of_cube[other] >= 0 or kinds[other] != kinds[cube]:
+                            continue
+                        if np.sum((means[other] - means[cube]) ** 2) <= gap**2:
                             of_cube[other] = clusters
                             waiting[queued] = other
                             queued += 1
@@ -138,6 +162,21 @@ def _distances(patches: np.ndarray, middle: np.ndarray) -> tuple[float, float]:
             away += _extent(patch, x, y, z) / away
         farthest, sum_ = max(farthest, away), sum_ + away
     return farthest, sum_ / len(patches)
+
+
+@numba.njit(cache=True, nogil=True)
+def _ball_distances(patches: np.ndarray, middle: np.ndarray) -> tuple[float, float]:
+    """Return what `_distances` does, of patches of a ball around a middle (3,): how far most of them reach beyond their
+    means across its surface is noise of the camera.
+    """
+    reaches, extents = np.empty(len(patches)), np.empty(len(patches))
+    for n in range(len(patches)):
+        x, y, z = patches[n, 0] - middle[0], patches[n, 1] - middle[1], patches[n, 2] - middle[2]
+        away = np.sqrt(x * x + y * y + z * z)
+        extents[n] = _extent(patches[n], x, y, z) / away if away > 0.0 else 0.0
+        reaches[n] = away + extents[n]
+    noise = np.median(extents)
+    return np.max(reaches) - noise, np.mean(reaches) - noise
 
 
 @numba.njit(cache=True, nogil=True)
@@ -194,7 +233,32 @@ def _ball(patches: np.ndarray) -> tuple[np.ndarray, float]:
     return middle, np.sqrt(error)
 
 
-@numba.njit(cache=True, nogil=True)
+@numba.njit((POINTS, VECTOR, numba.float64, numba.float64), cache=True, nogil=True)
+def ball_of_radius(points: np.ndarray, expected: np.ndarray, radius: float, weight: float) -> tuple[np.ndarray, float]:
+    """Fit a ball of a radius [m] to points (n, 3) [m], whose middle is expected at (3,) [m], which counts as so many
+    points: its middle, and the deviation of points from its surface [m].
+
+    Gauss-Newton: with distances d and directions u of the points from the middle c, w the weight and e what is
+    expected, (w 1 + sum u u^T) (c' - c) = sum (d - radius) u + w (e - c).
+    """
+    found = expected.copy()
+    for _ in range(_FIT_STEPS):
+        products, right = (weight + 1e-9) * np.eye(3), weight * (expected - found)
+        for n in range(len(points)):
+            away = points[n] - found
+            distance = max(np.sqrt(np.sum(away**2)), 1e-9)
+            for row in range(3):
+                right[row] += (1.0 - radius / distance) * away[row]
+                for column in range(3):
+                    products[row, column] += away[row] * away[column] / distance**2
+        found += np.linalg.solve(products, right)
+    error = 0.0
+    for n in range(len(points)):
+        error += (np.sqrt(np.sum((points[n] - found) ** 2)) - radius) ** 2 / len(points)
+    return found, np.sqrt(error)
+
+
+@numba.njit((numba.types.Array(numba.float64, 2, "C"), VECTOR), cache=True, nogil=True)
 def _sphere(patches: np.ndarray, eye: np.ndarray) -> tuple[np.ndarray, float, float, bool]:
     """Find a sphere that holds patches (n, 9) and what is behind them, seen from an eye (3,): its middle and radius,
     how far inside of it the farthest points of each are on average, and whether it is a ball that they are of.
@@ -223,8 +287,8 @@ def _sphere(patches: np.ndarray, eye: np.ndarray) -> tuple[np.ndarray, float, fl
     radius, mean = _distances(patches, middle)
     if len(patches) >= _BALL_PATCHES:
         ball, deviation = _ball(patches)
-        if deviation <= _BALL_DEVIATION:
-            ball_radius, ball_mean = _distances(patches, ball)
+        if deviation <= BALL_DEVIATION:
+            ball_radius, ball_mean = _ball_distances(patches, ball)
             if ball_radius <= _BALL_SIZE * radius:
                 return ball, ball_radius, ball_radius - ball_mean, True
     return middle, radius, radius - mean, False

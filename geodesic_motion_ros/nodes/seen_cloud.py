@@ -97,13 +97,14 @@ def see_cloud(
     # What touches the arm may be of the arm, which hides it from the camera as long as it stays.
     of_arm = recalled.hidden & arm.touches(recalled.unseen.means, spheres, edge)
     unseen = recalled.unseen.only(~of_arm)
-    things = find_things(recalled.seen, cloud.counts[unknown], unseen.only(unseen.stands), grid)
+    things = find_things(recalled.seen, cloud.counts[unknown], unseen.only(unseen.stands), grid, memory.numbered)
     clusters = things.clusters(means, spreads, eye)
 
-    seen = replace(recalled.seen, stands=(things.of_seen >= 0) & ~things.moves[things.of_seen])
+    stands = (things.of_seen >= 0) & ~things.moves[things.of_seen]
+    seen = replace(recalled.seen, stands=stands, thing=things.numbers[things.of_seen])
     field = DistanceField.of_cubes(things.field_places(clusters, edge), edge, settings.radius, settings.thickness)
     return SeenCloud(
         field, clusters, settings.radius, int(np.sum(cloud.counts[unknown])),
         cloud.out_of_reach, cloud.of_arm, int(np.sum(cloud.counts[~unknown])), len(things.cubes) - len(seen),
-        CloudMemory(edge, seen.beside(unseen), time, cloud.sight), held,
+        CloudMemory(edge, seen.beside(unseen), time, cloud.sight, things.numbered), held,
     )  # fmt: skip

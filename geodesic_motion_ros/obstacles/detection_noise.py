@@ -29,13 +29,23 @@ class DetectionNoise:
     Parameters
     ----------
     known : what it was of other detections of the same source [m]: holds until enough is known of these.
+    least : what it is at least [m]: noise of some kinds is less for what stands than once that moves.
     """
 
-    def __init__(self, known: float = 0.0) -> None:
+    def __init__(self, known: float = 0.0, least: float = 0.0) -> None:
+        self._least = least
         self._row: deque[tuple[float, Point]] = deque(maxlen=4)
         self._lengths = deque([_MEDIAN_LENGTH * known] * _FIRST)
         self._assumed = _FIRST
         self._sorted = list(self._lengths)
+
+    def moved(self, shift: Point) -> DetectionNoise:
+        """Make the same of detections that are elsewhere, by a shift (3,) [m]."""
+        other = DetectionNoise(least=self._least)
+        other._row.extend((time, moved_by(place, shift)) for time, place in self._row)
+        other._lengths, other._sorted = self._lengths.copy(), self._sorted.copy()
+        other._assumed = self._assumed
+        return other
 
     def begin_again(self) -> None:
         """What is detected next is not in one row with what was detected before."""
@@ -55,8 +65,13 @@ class DetectionNoise:
     @property
     def deviation(self) -> float:
         """[m], 0 where detections are exact, or too few to tell."""
-        deviation = self._sorted[len(self._sorted) // 2] / _MEDIAN_LENGTH
+        deviation = max(self._least, self._sorted[len(self._sorted) // 2] / _MEDIAN_LENGTH)
         return deviation if deviation > EXACT else 0.0
+
+
+def moved_by(place: Point, shift: Point) -> Point:
+    """Add a shift (3,) [m] to a place (3,) [m]."""
+    return place[0] + shift[0], place[1] + shift[1], place[2] + shift[2]
 
 
 def _scaled_difference(

@@ -9,14 +9,20 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+import numba
 import numpy as np
 
 from geodesic_motion_ros.geometry.clusters import Cluster, cluster_radii, hanging_together
-from geodesic_motion_ros.geometry.voxels import VoxelGrid
+from geodesic_motion_ros.geometry.voxels import NUMBERS, PLACES, WHOLE, VoxelGrid
 from geodesic_motion_ros.obstacles.cloud_memory import NEW_SHARE, SELDOM, Cubes, flickering
 
 #: What has a cube farther [m] from its middle is not small; what is of fewer cubes may be an error of the camera.
 LARGEST, FEWEST_CUBES = 0.25, 4
+#: So many cubes or more, of which nothing is known, are apart from others where the means of their points are farther
+#: apart than so many edges. Fewer, as those of a thin rod are, hang together with what they touch.
+APART_CUBES, GAP = 8, 1.25
+#: What has parted is still the same thing if it is more than this share of its cubes.
+WHOLE_SHARE = 0.75
 #: So many clusters, those that move and the largest, are made of so many spheres together, and no more than that each:
 #: planning takes its time for them. Powers of two.
 MOST_CLUSTERS, MOST_SPHERES, MOST_PARTS = 16, 128, 32
@@ -31,6 +37,9 @@ class Things:
     cubes : v that a cloud shows, and those that are remembered besides. of_cube : (v + u,) the number of each one's
         thing; -1 of what is noise of those beside it. of_seen : (v,) of those that the cloud shows.
     chosen : numbers of the things that become clusters. moves : (m + 1,) which things move; noise does not.
+    numbers : (m + 1,) of those that become clusters, the same in every cloud; 0 of what is large, -1 of others.
+    part_of : (m,) as of `Cluster`.
+    numbered : the highest number until now.
     """
 
     cubes: Cubes
@@ -38,6 +47,9 @@ class Things:
     of_seen: np.ndarray
     chosen: np.ndarray
     moves: np.ndarray
+    numbers: np.ndarray
+    part_of: np.ndarray
+    numbered: int
 
     def field_places(self, clusters: Sequence[Cluster], edge: float) -> np.ndarray:
         """Places (n, 3) of the cubes, with an edge [m], that are in none of the clusters made of these things; of what
@@ -54,24 +66,25 @@ class Things:
         return self.cubes.places[(self.of_cube >= 0) & ~in_cluster]
 
     def clusters(self, means: np.ndarray, spreads: np.ndarray, eye: np.ndarray | None) -> tuple[Cluster, ...]:
-        """Make clusters: of what moves by the means (v, 3) [m] and spreads (v, 6) [m^2] of its cubes in this cloud
-        alone, of what stands by all that is known of them; eye : as of `Cluster.of`.
+        """Make clusters: of the means (v, 3) [m] and spreads (v, 6) [m^2] of cubes in this cloud alone; what stands is
+        covered by all that is known of it; eye : as of `Cluster.of`.
         """
         if not len(self.chosen):
             return ()
         most = min(MOST_PARTS, MOST_SPHERES >> int(len(self.chosen) - 1).bit_length())
         made: list[Cluster] = []
         for one in self.chosen:
-            if self.moves[one]:
-                own = self.of_seen == one
-                made.append(Cluster.of(means[own], most, False, eye, spreads[own]))
-            else:
-                known = self.cubes.only(self.of_cube == one)
-                made.append(Cluster.of(known.means, most, True, eye, known.spreads))
+            own, known = self.of_seen == one, None
+            if not self.moves[one]:
+                all_of = self.cubes.only(self.of_cube == one)
+                known = all_of.means, all_of.spreads
+            points, around = (means[own], spreads[own]) if np.any(own) or known is None else known
+            cluster = Cluster.of(points, most, eye, around, known)
+            made.append(cluster._replace(number=int(self.numbers[one]), part_of=int(self.part_of[one])))
         return tuple(made)
 
 
-def find_things(seen: Cubes, counts: np.ndarray, remembered: Cubes, grid: VoxelGrid) -> Things:
+def find_things(seen: Cubes, counts: np.ndarray, remembered: Cubes, grid: VoxelGrid, numbered: int) -> Things:
     """Find the things of cubes that a cloud shows, of so many points each (v,), and of those that are remembered and
     stand.
 
@@ -80,7 +93,16 @@ def find_things(seen: Cubes, counts: np.ndarray, remembered: Cubes, grid: VoxelG
     cubes = seen.beside(remembered)
     noise = flickering(cubes.places, grid.numbered(cubes.places), grid.first, cubes.share)
     places, means = cubes.places[~noise], cubes.means[~noise]
-    of_steady, sizes = hanging_together(places, grid.numbered(places), grid.first)
+    numbers_of, first = grid.numbered(places), grid.first
+    before = cubes.thing[~noise]
+    _spread(places, numbers_of, first, before)
+    unknown = before < 0
+    if np.any(unknown):
+        pieces, sizes = hanging_together(places, numbers_of, first, before, means, GAP * grid.edge)
+        apart = unknown & (sizes[pieces] >= APART_CUBES)
+        before[apart] = _APART - pieces[apart]
+        _spread(places, numbers_of, first, before)
+    of_steady, sizes = hanging_together(places, numbers_of, first, before, means, np.inf)
     of_cube = np.full(len(cubes), -1)
     of_cube[~noise] = of_steady
     # One point by itself may be an error of the camera, until it is seen again.
@@ -88,9 +110,72 @@ def find_things(seen: Cubes, counts: np.ndarray, remembered: Cubes, grid: VoxelG
     of_cube[: len(seen)][alone] = -1
     of_seen = of_cube[: len(seen)]
     count, new = (np.bincount(of[of >= 0], minlength=len(sizes)) for of in (of_seen, of_seen[~seen.stands]))
-    small = (cluster_radii(means, of_steady, len(sizes)) <= LARGEST) & (sizes >= FEWEST_CUBES)
+    large = cluster_radii(means, of_steady, len(sizes)) > LARGEST
+    small = ~large & (sizes >= FEWEST_CUBES)
     moves = small & (new > NEW_SHARE * count)
-    chosen = np.flatnonzero(small)
+    # What stands and touches what is large is of it.
+    large |= ~moves & _touching(places, numbers_of, first, of_steady, large)
+    chosen = np.flatnonzero(small & ~large)
     chosen = chosen[np.lexsort((-sizes[chosen], ~moves[chosen]))][:MOST_CLUSTERS]
-    moves &= np.isin(np.arange(len(sizes)), chosen)
-    return Things(cubes, of_cube, of_seen, chosen, np.append(moves, False))
+    is_chosen = np.isin(np.arange(len(sizes)), chosen)
+    moves &= is_chosen
+    part_of = np.zeros(len(sizes), dtype=np.int64)
+    part_of[of_steady] = np.maximum(before, 0)
+    numbers, numbered = _numbers(is_chosen, sizes, part_of, numbered)
+    numbers = np.append(np.where(is_chosen, numbers, np.where(large, 0, -1)), -1)
+    return Things(cubes, of_cube, of_seen, chosen, np.append(moves, False), numbers, part_of, numbered)
+
+
+def _numbers(chosen: np.ndarray, sizes: np.ndarray, part_of: np.ndarray, numbered: int) -> tuple[np.ndarray, int]:
+    """Number chosen ones of things (m,): what is one thing, or all of it but for little, keeps its number."""
+    whole = np.bincount(part_of, sizes, minlength=numbered + 1)
+    same = chosen & (part_of > 0) & (sizes > WHOLE_SHARE * whole[part_of])
+    new = chosen & ~same
+    numbers = np.where(same, part_of, 0)
+    numbers[new] = numbered + 1 + np.arange(np.sum(new))
+    return numbers, numbered + int(np.sum(new))
+
+
+# The thing that a cube is of is unknown; the first of those which are not known from before.
+_UNKNOWN, _APART = -1, -2
+
+
+@numba.njit((PLACES, NUMBERS, WHOLE, WHOLE), cache=True, nogil=True)
+def _spread(places: np.ndarray, cubes: np.ndarray, first: np.ndarray, thing: np.ndarray) -> None:
+    """Write things (v,), as of `Cubes`, of cubes where they are known into those that hang together with them."""
+    waiting = np.empty(len(places), dtype=np.int64)
+    queued = 0
+    for n in range(len(places)):
+        if thing[n] != _UNKNOWN:
+            waiting[queued] = n
+            queued += 1
+    at = 0
+    while at < queued:
+        cube = waiting[at]
+        at += 1
+        i, j, k = places[cube, 0] - first[0], places[cube, 1] - first[1], places[cube, 2] - first[2]
+        for a in range(i - 1, i + 2):
+            for b in range(j - 1, j + 2):
+                for c in range(k - 1, k + 2):
+                    other = cubes[a, b, c] - 1
+                    if other >= 0 and thing[other] == _UNKNOWN:
+                        thing[other] = thing[cube]
+                        waiting[queued] = other
+                        queued += 1
+
+
+@numba.njit((PLACES, NUMBERS, WHOLE, WHOLE, numba.boolean[::1]), cache=True, nogil=True)
+def _touching(
+    places: np.ndarray, cubes: np.ndarray, first: np.ndarray, of_cube: np.ndarray, large: np.ndarray
+) -> np.ndarray:
+    """Tell which things (m,) have a cube beside one of a large thing."""
+    touching = np.zeros(len(large), dtype=np.bool_)
+    for n in range(len(places)):
+        i, j, k = places[n, 0] - first[0], places[n, 1] - first[1], places[n, 2] - first[2]
+        for a in range(i - 1, i + 2):
+            for b in range(j - 1, j + 2):
+                for c in range(k - 1, k + 2):
+                    other = cubes[a, b, c] - 1
+                    if other >= 0 and large[of_cube[other]]:
+                        touching[of_cube[n]] = True
+    return touching

@@ -29,9 +29,10 @@ from __future__ import annotations
 
 import math
 from bisect import bisect_left
+from copy import copy
 from operator import add, sub
 
-from geodesic_motion_ros.obstacles.detection_noise import DetectionNoise, Point
+from geodesic_motion_ros.obstacles.detection_noise import DetectionNoise, Point, moved_by
 from geodesic_motion_ros.obstacles.velocity_history import CHANGE_FACTOR, VelocityBounds, VelocityHistory
 
 #: Detections of this last time [s] count, two of them at least; of exact ones (`DetectionNoise`) these alone.
@@ -81,9 +82,9 @@ class ObstacleMotion:
     noise : of its detections.
     """
 
-    def __init__(self, known_noise: float = 0.0) -> None:
-        """known_noise : as of `DetectionNoise`."""
-        self.noise = DetectionNoise(known_noise)
+    def __init__(self, known_noise: float = 0.0, least_noise: float = 0.0) -> None:
+        """known_noise, least_noise : as of `DetectionNoise`."""
+        self.noise = DetectionNoise(known_noise, least_noise)
         self.place = self.velocity = _AT_REST
         self.place_error = self._velocity_error = 0.0
         self._begin_again()
@@ -115,6 +116,16 @@ class ObstacleMotion:
         self._add(centre, time)
         self._history.see(centre, time)
         self._fit()
+
+    def moved(self, shift: Point) -> ObstacleMotion:
+        """Make the motion of what has moved as this has, but was elsewhere, by a shift (3,) [m]."""
+        other = copy(self)
+        other.noise = self.noise.moved(shift)
+        begin, origin = self._origin
+        other._origin, other.place = (begin, moved_by(origin, shift)), moved_by(self.place, shift)
+        other._seen = [(time, moved_by(place, shift), sums) for time, place, sums in self._seen]
+        other._history = self._history.moved(shift)
+        return other
 
     @property
     def moves(self) -> bool:

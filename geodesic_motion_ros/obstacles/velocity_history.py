@@ -14,6 +14,8 @@ import math
 from collections import deque
 from typing import NamedTuple
 
+from geodesic_motion_ros.obstacles.detection_noise import moved_by
+
 Vector = tuple[float, float, float]
 
 #: Positions are compared every so often [s], over so long [s].
@@ -79,6 +81,16 @@ class VelocityHistory:
             self._means.append((begin, _velocity(first, position, time - begin)))
         while self._means and self._means[0][0] < time - MEMORY - 1e-6:
             self._means.popleft()
+
+    def moved(self, shift: Vector) -> VelocityHistory:
+        """Make the history of what has moved as this has, but was elsewhere, by a shift (3,) [m]."""
+        other = VelocityHistory()
+        for time, place in self._positions:
+            other._positions.append((time, moved_by(place, shift)))
+        other._means = self._means.copy()
+        other._newest = None if self._newest is None else (self._newest[0], moved_by(self._newest[1], shift))
+        other._at_last = self._at_last
+        return other
 
     def error(self, velocity: Vector, noise: float = 0.0) -> float:
         """Bound e [m/s] of the error of the present velocity v (3,) [m/s] in a prediction.

@@ -9,7 +9,7 @@ import pytest
 from scipy.ndimage import label
 from scipy.spatial.transform import Rotation
 
-from geodesic_motion_ros.geometry.clusters import Cluster, cluster_radii, hanging_together
+from geodesic_motion_ros.geometry.clusters import Cluster, ball_of_radius, cluster_radii, hanging_together
 from geodesic_motion_ros.geometry.voxels import VoxelGrid
 
 MOST, EDGE = 32, 0.02
@@ -17,7 +17,7 @@ EYE, HERE = np.array([1.4, -0.8, 1.2]), np.array([0.4, 0.1, 0.5])
 
 
 def cover(points: np.ndarray, viewpoint: np.ndarray | None = EYE, most: int = MOST) -> Cluster:
-    return Cluster.of(points, most, False, viewpoint)
+    return Cluster.of(points, most, viewpoint)
 
 
 def ball(centre: np.ndarray, radius: float, front: bool = True) -> np.ndarray:
@@ -43,6 +43,35 @@ def test_of_the_front_of_a_ball_the_ball_is_made(radius):
     hidden = radius**2 / np.linalg.norm(EYE - HERE)
     np.testing.assert_allclose(sphere[:3], HERE, atol=hidden + 0.005)
     assert sphere[3] == pytest.approx(radius, abs=hidden + 0.005)
+
+
+@pytest.mark.parametrize("part", [1.0, 0.5], ids=["front", "half of the front"])
+def test_a_ball_of_a_known_radius_is_found_by_a_part_of_it(part):
+    random, points = np.random.default_rng(0), ball(HERE, 0.05)
+    points = points[points[:, 2] >= np.quantile(points[:, 2], 1.0 - part)]
+    for _ in range(20):
+        begin = HERE + random.uniform(-0.02, 0.02, 3)
+        middle, deviation = ball_of_radius(points, begin, 0.05, 0.0)
+        np.testing.assert_allclose(middle, HERE, atol=1e-6)
+        assert deviation < 1e-6
+    # The control: it has another one.
+    assert ball_of_radius(points, HERE, 0.04, 0.0)[1] > 5e-4
+
+
+def test_the_middle_of_a_ball_is_where_its_radius_says_it_is():
+    """Along the line of sight a free fit errs more than one of a known radius."""
+    random, line = np.random.default_rng(0), (EYE - HERE) / np.linalg.norm(EYE - HERE)
+    points = ball(HERE, 0.05)
+    # A part of its front, as where another thing is before it.
+    points = points[points[:, 2] > HERE[2] + 0.01][::10]
+    fitted, known = [], []
+    for _ in range(50):
+        noisy = points + random.normal(0.0, 0.001, (len(points), 1)) * line
+        found = cover(noisy).ball
+        assert found is not None
+        fitted.append((found[:3] - HERE) @ line)
+        known.append((ball_of_radius(noisy, HERE, 0.05, 0.0)[0] - HERE) @ line)
+    assert np.std(known) < 0.8 * np.std(fitted)
 
 
 @pytest.mark.parametrize("noise", [0.0, 0.002, 0.004])
@@ -127,9 +156,9 @@ def test_spheres_hold_the_corners_of_boxes_of_whose_cubes_means_and_spreads_are_
                 faces.append(HERE + turn.apply(face))
         points = np.concatenate(faces)
         means, spreads = patches(points)
-        cluster = Cluster.of(means, MOST, True, EYE, spreads)
+        cluster = Cluster.of(means, MOST, EYE, spreads)
         assert outside(points, cluster.spheres) <= 0.005
-        cluster = Cluster.of(means, MOST, True, EYE)
+        cluster = Cluster.of(means, MOST, EYE)
         without.append(outside(points, cluster.spheres))
     assert max(without) > 0.005
 
@@ -140,12 +169,23 @@ def test_cubes_hang_together_that_touch_with_a_corner_too():
         occupied = np.zeros(grid.shape, dtype=bool)
         occupied[1:-1, 1:-1, 1:-1] = random.random(np.subtract(grid.shape, 2)) < share
         places = random.permutation(np.argwhere(occupied) + grid.first)
-        of_cube, sizes = hanging_together(places, grid.numbered(places), grid.first)
+        kinds, means = np.zeros(len(places), dtype=np.int64), np.zeros((len(places), 3))
+        of_cube, sizes = hanging_together(places, grid.numbered(places), grid.first, kinds, means, 0.0)
         numbers, count = label(occupied, np.ones((3, 3, 3)))
         expected = numbers[tuple((places - grid.first).T)] - 1
         # The same sets, whatever their numbers are.
         assert len(sizes) == count == len(set(zip(of_cube.tolist(), expected.tolist(), strict=True)))
         np.testing.assert_array_equal(sizes, np.bincount(of_cube, minlength=count))
+
+
+@pytest.mark.parametrize(
+    ("kinds", "gap", "things"), [((1, 1), 0.03, 1), ((1, 1), 0.02, 2), ((1, 2), 0.03, 2)], ids=["near", "far", "others"]
+)
+def test_cubes_hang_together_that_are_near_and_of_a_kind(kinds, gap, things):
+    places, means = np.array([[0, 0, 0], [1, 0, 0]]), np.array([[0.0, 0.0, 0.0], [0.025, 0.0, 0.0]])
+    grid = VoxelGrid.around(np.zeros(3), 0.2, EDGE)
+    of_cube, _ = hanging_together(places, grid.numbered(places), grid.first, np.array(kinds), means, gap)
+    assert len(set(of_cube.tolist())) == things
 
 
 def test_a_radius_is_that_of_the_farthest_point_from_the_middle_of_the_box():

@@ -13,7 +13,7 @@ from geodesic_motion_ros.geometry.distance_field import REACH, field_distances
 from geodesic_motion_ros.geometry.point_clouds import MOMENT
 from geodesic_motion_ros.geometry.shapes import no_solids, solid_rows
 from geodesic_motion_ros.nodes.seen_cloud import CloudSettings, SeenCloud, see_cloud
-from geodesic_motion_ros.obstacles.cloud_memory import STOOD
+from geodesic_motion_ros.obstacles.cloud_memory import STOOD, STOPPED
 from geodesic_motion_ros.obstacles.things import LARGEST
 from geodesic_motion_ros.obstacles.tracker import ObstacleTracker
 from geodesic_motion_ros.robot.collision_model import CollisionModel
@@ -142,7 +142,7 @@ class TestBall:
         direction = np.cross(BESIDE - EYE, [0.0, 0.0, 1.0])
         direction /= np.linalg.norm(direction)
         clouds.show(wall)
-        for number in range(round(1.5 * STOOD / PERIOD)):
+        for number in range(round(1.2 * STOPPED / PERIOD)):
             place = BESIDE + ((speed * number * PERIOD) % 0.3 - 0.15 * (speed > 0.0)) * direction
             seen = clouds.show(wall, ball(place))
         (cluster,) = seen.clusters

@@ -2,13 +2,24 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from geodesic_motion_ros.geometry.line_of_sight import LineOfSight
 from geodesic_motion_ros.geometry.point_clouds import MOMENT
 from geodesic_motion_ros.geometry.voxels import VoxelGrid
-from geodesic_motion_ros.obstacles.cloud_memory import AVERAGED, OFTEN, SELDOM, STOOD, CloudMemory, Recalled, flickering
+from geodesic_motion_ros.obstacles.cloud_memory import (
+    AVERAGED,
+    OFTEN,
+    SELDOM,
+    STOOD,
+    STOPPED,
+    CloudMemory,
+    Recalled,
+    flickering,
+)
 
 EDGE, PERIOD = 0.02, 1.0 / 30.0
 EYE = np.array([0.0, 0.0, 0.5])
@@ -41,7 +52,7 @@ class Clouds:
         self.time += passed
         means, spreads = EDGE * places + off, np.full((len(places), 6), off**2)
         recalled = self.memory.recall(places, means, spreads, self.time, GRID, sight)
-        self.memory = CloudMemory(EDGE, recalled.seen.beside(recalled.unseen), self.time, sight)
+        self.memory = CloudMemory(EDGE, recalled.seen.beside(recalled.unseen), self.time, sight, 0)
         return recalled
 
     def show_for(self, duration: float, places: np.ndarray, sight: LineOfSight = BLIND) -> Recalled:
@@ -105,6 +116,56 @@ class TestStands:
     @pytest.mark.parametrize(("passed", "stands"), [(0.9 * MOMENT, False), (1.1 * MOMENT, True)])
     def test_what_comes_while_no_cloud_does(self, clouds, passed, stands):
         assert clouds.show(ONE, passed=passed).seen.stands.tolist() == [stands]
+
+
+class TestThings:
+    """What is known of the things that cubes were of in the cloud before."""
+
+    @staticmethod
+    def set_things(clouds: Clouds, things: list[int], stands: bool) -> None:
+        cubes = clouds.memory.cubes
+        stand, thing = np.full(len(cubes), stands), np.array(things)
+        clouds.memory = replace(clouds.memory, cubes=replace(cubes, thing=thing, stands=stand))
+
+    def test_cubes_are_of_what_most_beside_them_are_of(self, clouds):
+        block = np.ascontiguousarray(np.argwhere(np.ones((4, 3, 3)))) + [50, 0, 25]
+        clouds.show_for(2.0 * MOMENT, NOTHING)
+        clouds.show(block)
+        self.set_things(clouds, [1] * 18 + [2] * 17 + [1], True)
+        expected = np.array([1] * 18 + [2] * 18)
+        assert clouds.show(block).seen.thing.tolist() == expected.tolist()
+        # A cloud later all of them are one cube farther.
+        self.set_things(clouds, expected.tolist(), True)
+        assert clouds.show(block + [0, 1, 0]).seen.thing.tolist() == expected.tolist()
+
+    def test_of_what_is_far_from_all_that_was_seen_last_nothing_is_known(self, clouds):
+        clouds.show_for(2.0 * MOMENT, NOTHING)
+        clouds.show(ONE)
+        self.set_things(clouds, [7], True)
+        assert clouds.show(np.concatenate([BESIDE, APART])).seen.thing.tolist() == [7, -1]
+        self.set_things(clouds, [7, 8] + [7] * (len(clouds.memory.cubes) - 2), True)
+        clouds.show(NOTHING)
+        assert clouds.show(ONE).seen.thing.tolist() == [-1]
+
+    @pytest.mark.parametrize(("stands", "after"), [(True, STOOD), (False, STOPPED)])
+    def test_what_has_moved_stands_after_a_longer_time(self, clouds, stands, after):
+        assert STOPPED > STOOD + 2 * PERIOD
+        begin = clouds.time
+        known = clouds.show(ONE)
+        while clouds.time < begin + after:
+            assert known.seen.stands.tolist() == [False]
+            self.set_things(clouds, [1] + [0] * (len(clouds.memory.cubes) - 1), stands)
+            known = clouds.show(ONE)
+        self.set_things(clouds, [1] + [0] * (len(clouds.memory.cubes) - 1), stands)
+        clouds.show(ONE)
+        self.set_things(clouds, [1] + [0] * (len(clouds.memory.cubes) - 1), stands)
+        assert clouds.show(ONE).seen.stands.tolist() == [True]
+
+    @pytest.mark.parametrize("moves", [True, False])
+    def test_more_of_what_moves_comes_out_from_behind_something_else(self, clouds, moves):
+        clouds.show(ONE, HIDDEN)
+        self.set_things(clouds, [1] + [0] * (len(clouds.memory.cubes) - 1), not moves)
+        assert clouds.show(BESIDE, THROUGH).seen.stands.tolist() == [not moves]
 
 
 class TestUnseen:

@@ -69,3 +69,15 @@ def test_what_is_another_row_is_no_difference() -> None:
         for number in range(3):
             noise.see((1.0 * (row % 2), 0.1 * (number % 2), 0.0), 0.1 * number)
     assert noise.deviation == 0.0
+
+
+def test_it_is_not_less_than_it_is_said_to_be_at_least():
+    random, times = np.random.default_rng(0), np.arange(250) / 30.0
+    noise = DetectionNoise(least=0.002)
+    assert noise.deviation == 0.002
+    for centre, time in zip(falling(times) + random.normal(scale=0.0005, size=(250, 3)), times, strict=True):
+        noise.see(tuple(centre.tolist()), float(time))
+    assert noise.deviation == noise.moved((0.1, 0.0, 0.0)).deviation == 0.002
+    for centre, time in zip(falling(times) + random.normal(scale=0.005, size=(250, 3)), times + 10.0, strict=True):
+        noise.see(tuple(centre.tolist()), float(time))
+    assert noise.deviation > 0.003

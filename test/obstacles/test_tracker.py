@@ -285,7 +285,7 @@ def test_a_cluster_that_stands_counts_in_the_clouds_that_show_it_alone(stands):
     """What is remembered of it is shown, until something is seen through it or a moment has passed."""
     tracker = ObstacleTracker()
     for now in (0.0, 0.1, 0.2):
-        cluster = Cluster.of(HERE + 0.05 * np.eye(3), 1, stands, None)
+        cluster = Cluster.of(HERE + 0.05 * np.eye(3), 1, None)._replace(stands=stands)
         tracker.replace_cloud("obstacle_cloud", DistanceField.none(), now, clusters=[cluster])
         assert len(tracker.current(now)) == 1
     tracker.replace_cloud("obstacle_cloud", DistanceField.none(), 0.3)

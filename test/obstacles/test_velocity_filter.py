@@ -46,6 +46,29 @@ def test_even_motion_is_recognised_from_the_second_position_on(seed: int, rate: 
     np.testing.assert_allclose(velocities[1:], np.broadcast_to(velocity, (len(times) - 1, 3)), atol=1e-3)
 
 
+@pytest.mark.parametrize("noise", [0.0, 0.005])
+def test_what_is_elsewhere_moves_on_as_the_other_did(noise: float) -> None:
+    """As if all of its detections had been farther by a shift."""
+    random, shift = np.random.default_rng(0), np.array([0.5, -0.2, 0.1])
+    times = STAMP + np.arange(120) / 30.0
+    centres = np.outer(times - STAMP, [0.2, 0.1, 0.0]) + random.normal(scale=noise, size=(120, 3))
+    centres[60:] += np.outer(times[60:] - times[60], [0.0, 0.0, 0.3])
+    whole, apart = ObstacleMotion(), ObstacleMotion()
+    for centre, time in zip(centres[:70], times[:70].tolist(), strict=True):
+        whole.see(tuple(centre.tolist()), time)
+        apart.see(tuple((centre + shift).tolist()), time)
+    before, part = (whole.velocity, whole.place, whole.newest), whole.moved(tuple(shift.tolist()))
+    for centre, time in zip(centres[70:] + shift, times[70:].tolist(), strict=True):
+        part.see(tuple(centre.tolist()), time)
+        apart.see(tuple(centre.tolist()), time)
+    np.testing.assert_allclose(part.velocity, apart.velocity, atol=1e-6)
+    np.testing.assert_allclose(part.place, apart.place, atol=1e-6)
+    assert part.error == pytest.approx(apart.error, abs=1e-6)
+    assert part.noise.deviation == pytest.approx(apart.noise.deviation, abs=1e-6)
+    # The other one is as it was.
+    assert (whole.velocity, whole.place, whole.newest) == before
+
+
 def camera(
     path: Callable[[float], Place], rate: float, noise: float, until: float, seed: int
 ) -> Iterator[tuple[float, ObstacleMotion, Place]]:
@@ -107,6 +130,8 @@ def test_a_line_is_the_one_of_least_squares_and_so_are_its_errors() -> None:
         ratios.append((motion.place_error / expected, motion.error / (BOUND * deviation / np.sqrt(spread))))
     assert np.min(ratios) >= 1.0 - 1e-6
     assert np.mean(np.array(ratios) <= 1.0 + 1e-6) > 0.9
+
+
 CHANGES: dict[str, Callable[[float], Place]] = {
     "starts": lambda passed: (max(0.0, passed), 0.0, 0.0),
     "stops": lambda passed: (min(0.0, passed), 0.0, 0.0),
