@@ -13,7 +13,7 @@ import math
 from bisect import bisect_left, insort
 from collections import deque
 
-Point = tuple[float, float, float]
+from geodesic_motion_ros.geometry.vectors import Vector, added
 
 #: Detections that are as accurate as this [m] are exact: a tenth of a millimetre tells a velocity within 2 mm/s.
 EXACT = 1e-4
@@ -34,15 +34,15 @@ class DetectionNoise:
 
     def __init__(self, known: float = 0.0, least: float = 0.0) -> None:
         self._least = least
-        self._row: deque[tuple[float, Point]] = deque(maxlen=4)
+        self._row: deque[tuple[float, Vector]] = deque(maxlen=4)
         self._lengths = deque([_MEDIAN_LENGTH * known] * _FIRST)
         self._assumed = _FIRST
         self._sorted = list(self._lengths)
 
-    def moved(self, shift: Point) -> DetectionNoise:
+    def moved(self, shift: Vector) -> DetectionNoise:
         """Make the same of detections that are elsewhere, by a shift (3,) [m]."""
         other = DetectionNoise(least=self._least)
-        other._row.extend((time, moved_by(place, shift)) for time, place in self._row)
+        other._row.extend((time, added(place, shift)) for time, place in self._row)
         other._lengths, other._sorted = self._lengths.copy(), self._sorted.copy()
         other._assumed = self._assumed
         return other
@@ -51,7 +51,7 @@ class DetectionNoise:
         """What is detected next is not in one row with what was detected before."""
         self._row.clear()
 
-    def see(self, centre: Point, time: float) -> None:
+    def see(self, centre: Vector, time: float) -> None:
         """Take a detection [m], later [s] than the last."""
         self._row.append((time, centre))
         if len(self._row) == 4:
@@ -69,13 +69,8 @@ class DetectionNoise:
         return deviation if deviation > EXACT else 0.0
 
 
-def moved_by(place: Point, shift: Point) -> Point:
-    """Add a shift (3,) [m] to a place (3,) [m]."""
-    return place[0] + shift[0], place[1] + shift[1], place[2] + shift[2]
-
-
 def _scaled_difference(
-    first: tuple[float, Point], second: tuple[float, Point], third: tuple[float, Point], fourth: tuple[float, Point]
+    first: tuple[float, Vector], second: tuple[float, Vector], third: tuple[float, Vector], fourth: tuple[float, Vector]
 ) -> float:
     """Length of d / sqrt(sum w_i^2) [m] of four detections."""
     (a, p), (b, q), (c, r), (d, s) = first, second, third, fourth

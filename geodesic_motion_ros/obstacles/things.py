@@ -1,7 +1,11 @@
 """Things: what hangs together in a cloud, and in what is remembered of clouds before, and whether it stands.
 
 What is small becomes a cluster, of spheres, whether it moves or not: what is seen of it is taken to be as deep as it is
-wide. The rest stands, cube by cube, as a table does.
+wide. The rest stands, cube by cube, as a table does, with what stands and touches it.
+
+**What was apart stays apart.** A cube is of the small thing that most cubes there, or beside there, were of in the
+cloud before, which has a number. Cubes of which that is not known are of what they touch. So two that meet are two all
+the same, and one that falls in two is two from then on.
 """
 
 from __future__ import annotations
@@ -26,6 +30,8 @@ WHOLE_SHARE = 0.75
 #: So many clusters, those that move and the largest, are made of so many spheres together, and no more than that each:
 #: planning takes its time for them. Powers of two.
 MOST_CLUSTERS, MOST_SPHERES, MOST_PARTS = 16, 128, 32
+# The thing of a cube is unknown, as of `Cubes`; the first of those that are apart.
+_UNKNOWN, _APART = -1, -2
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,12 +40,12 @@ class Things:
 
     Attributes
     ----------
-    cubes : v that a cloud shows, and those that are remembered besides. of_cube : (v + u,) the number of each one's
-        thing; -1 of what is noise of those beside it. of_seen : (v,) of those that the cloud shows.
-    chosen : numbers of the things that become clusters. moves : (m + 1,) which things move; noise does not.
+    cubes : v that a cloud shows, and u that are remembered besides.
+    of_cube : (v + u,) which of m things each one is of; -1 of what is noise of those beside it. of_seen : (v,) of those
+        that the cloud shows.
+    chosen : which things become clusters. moves : (m + 1,) whether a thing moves; noise, the last one, does not.
     numbers : (m + 1,) of those that become clusters, the same in every cloud; 0 of what is large, -1 of others.
-    part_of : (m,) as of `Cluster`.
-    numbered : the highest number until now.
+    part_of : (m,) as of `Cluster`. numbered : the highest number until now.
     """
 
     cubes: Cubes
@@ -93,16 +99,9 @@ def find_things(seen: Cubes, counts: np.ndarray, remembered: Cubes, grid: VoxelG
     cubes = seen.beside(remembered)
     noise = flickering(cubes.places, grid.numbered(cubes.places), grid.first, cubes.share)
     places, means = cubes.places[~noise], cubes.means[~noise]
-    numbers_of, first = grid.numbered(places), grid.first
-    before = cubes.thing[~noise]
-    _spread(places, numbers_of, first, before)
-    unknown = before < 0
-    if np.any(unknown):
-        pieces, sizes = hanging_together(places, numbers_of, first, before, means, GAP * grid.edge)
-        apart = unknown & (sizes[pieces] >= APART_CUBES)
-        before[apart] = _APART - pieces[apart]
-        _spread(places, numbers_of, first, before)
-    of_steady, sizes = hanging_together(places, numbers_of, first, before, means, np.inf)
+    in_grid, first = grid.numbered(places), grid.first
+    before = _things_before(cubes.thing[~noise], places, means, in_grid, grid)
+    of_steady, sizes = hanging_together(places, in_grid, first, before, means, np.inf)
     of_cube = np.full(len(cubes), -1)
     of_cube[~noise] = of_steady
     # One point by itself may be an error of the camera, until it is seen again.
@@ -114,7 +113,7 @@ def find_things(seen: Cubes, counts: np.ndarray, remembered: Cubes, grid: VoxelG
     small = ~large & (sizes >= FEWEST_CUBES)
     moves = small & (new > NEW_SHARE * count)
     # What stands and touches what is large is of it.
-    large |= ~moves & _touching(places, numbers_of, first, of_steady, large)
+    large |= ~moves & _touching(places, in_grid, first, of_steady, large)
     chosen = np.flatnonzero(small & ~large)
     chosen = chosen[np.lexsort((-sizes[chosen], ~moves[chosen]))][:MOST_CLUSTERS]
     is_chosen = np.isin(np.arange(len(sizes)), chosen)
@@ -126,6 +125,25 @@ def find_things(seen: Cubes, counts: np.ndarray, remembered: Cubes, grid: VoxelG
     return Things(cubes, of_cube, of_seen, chosen, np.append(moves, False), numbers, part_of, numbered)
 
 
+def _things_before(
+    known: np.ndarray, places: np.ndarray, means: np.ndarray, in_grid: np.ndarray, grid: VoxelGrid
+) -> np.ndarray:
+    """Tell the things (v,), as of `Cubes`, of cubes at places (v, 3): what is known, else that of what they touch. The
+    others are apart (`APART_CUBES`, `GAP`), with negative numbers.
+
+    means : (v, 3) [m]. in_grid : as of `hanging_together`.
+    """
+    things = known.copy()
+    _spread(places, in_grid, grid.first, things)
+    unknown = things == _UNKNOWN
+    if np.any(unknown):
+        pieces, sizes = hanging_together(places, in_grid, grid.first, things, means, GAP * grid.edge)
+        apart = unknown & (sizes[pieces] >= APART_CUBES)
+        things[apart] = _APART - pieces[apart]
+        _spread(places, in_grid, grid.first, things)
+    return things
+
+
 def _numbers(chosen: np.ndarray, sizes: np.ndarray, part_of: np.ndarray, numbered: int) -> tuple[np.ndarray, int]:
     """Number chosen ones of things (m,): what is one thing, or all of it but for little, keeps its number."""
     whole = np.bincount(part_of, sizes, minlength=numbered + 1)
@@ -134,10 +152,6 @@ def _numbers(chosen: np.ndarray, sizes: np.ndarray, part_of: np.ndarray, numbere
     numbers = np.where(same, part_of, 0)
     numbers[new] = numbered + 1 + np.arange(np.sum(new))
     return numbers, numbered + int(np.sum(new))
-
-
-# The thing that a cube is of is unknown; the first of those which are not known from before.
-_UNKNOWN, _APART = -1, -2
 
 
 @numba.njit((PLACES, NUMBERS, WHOLE, WHOLE), cache=True, nogil=True)

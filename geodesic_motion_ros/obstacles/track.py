@@ -11,8 +11,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from geodesic_motion_ros.geometry.vectors import Vector
 from geodesic_motion_ros.obstacles.velocity_filter import SAME_INSTANT, ObstacleMotion
-from geodesic_motion_ros.obstacles.velocity_history import Vector
 
 # What was taken up to so long [s] before the newest was overtaken by it; further back, the sender's clock was set back,
 # and so it was where so many in a row go on behind the newest, one after the other.

@@ -14,7 +14,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
-from geodesic_motion_ros.obstacles.detection_noise import Point
+from geodesic_motion_ros.geometry.vectors import Vector
 from geodesic_motion_ros.obstacles.track import MessageOrder, Place, Track
 from geodesic_motion_ros.obstacles.velocity_filter import LONGEST_GAP, SAME_PLACE, ObstacleMotion
 
@@ -143,7 +143,7 @@ class TrackedObstacle:
         """Everywhere it may be; most : as of `Track.places`."""
         return [] if self.deleted else [place for track in self._tracks(now) for place in track.places(now, most)]
 
-    def centres(self, now: float) -> list[Point]:
+    def centres(self, now: float) -> list[Vector]:
         """Where the tracks that count are (3,) [m]."""
         return [track.centre for track in self._tracks(now)]
 
@@ -165,7 +165,7 @@ class TrackedObstacle:
                 yield one.track
 
     @staticmethod
-    def _explaining(candidates: list[_Candidate], centre: Point, time: float) -> _Candidate | None:
+    def _explaining(candidates: list[_Candidate], centre: Vector, time: float) -> _Candidate | None:
         """The candidate that a detection (3,) [m] at a time [s] belongs to: the nearest of those that are expected
         there, or were last detected there; the last one as far as a velocity explains it.
         """

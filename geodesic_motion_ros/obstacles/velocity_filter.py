@@ -32,7 +32,8 @@ from bisect import bisect_left
 from copy import copy
 from operator import add, sub
 
-from geodesic_motion_ros.obstacles.detection_noise import DetectionNoise, Point, moved_by
+from geodesic_motion_ros.geometry.vectors import Vector, added
+from geodesic_motion_ros.obstacles.detection_noise import DetectionNoise
 from geodesic_motion_ros.obstacles.velocity_history import CHANGE_FACTOR, VelocityBounds, VelocityHistory
 
 #: Detections of this last time [s] count, two of them at least; of exact ones (`DetectionNoise`) these alone.
@@ -91,13 +92,13 @@ class ObstacleMotion:
 
     def _begin_again(self) -> None:
         # Time [s] and position [m] of each detection that may count, and the sums over those before it; over all.
-        self._seen: list[tuple[float, Point, Sums]] = []
+        self._seen: list[tuple[float, Vector, Sums]] = []
         self._sums = _NOTHING
         self._origin = -math.inf, _AT_REST
         self._history = VelocityHistory()
         self.noise.begin_again()
 
-    def see(self, centre: Point, time: float) -> None:
+    def see(self, centre: Vector, time: float) -> None:
         """Take the newest detection [m], of `time` [s] of one clock."""
         if self._seen:
             before = self._seen[-1][0]
@@ -117,13 +118,13 @@ class ObstacleMotion:
         self._history.see(centre, time)
         self._fit()
 
-    def moved(self, shift: Point) -> ObstacleMotion:
+    def moved(self, shift: Vector) -> ObstacleMotion:
         """Make the motion of what has moved as this has, but was elsewhere, by a shift (3,) [m]."""
         other = copy(self)
         other.noise = self.noise.moved(shift)
         begin, origin = self._origin
-        other._origin, other.place = (begin, moved_by(origin, shift)), moved_by(self.place, shift)
-        other._seen = [(time, moved_by(place, shift), sums) for time, place, sums in self._seen]
+        other._origin, other.place = (begin, added(origin, shift)), added(self.place, shift)
+        other._seen = [(time, added(place, shift), sums) for time, place, sums in self._seen]
         other._history = self._history.moved(shift)
         return other
 
@@ -143,21 +144,21 @@ class ObstacleMotion:
         return VelocityBounds(along, across + self._velocity_error)
 
     @property
-    def newest(self) -> tuple[Point, float]:
+    def newest(self) -> tuple[Vector, float]:
         """The newest detection (3,) [m], and its time [s]."""
         time, centre, _ = self._seen[-1]
         return centre, time
 
-    def is_reached(self, centre: Point, time: float) -> bool:
+    def is_reached(self, centre: Vector, time: float) -> bool:
         """Whether a velocity explains that it is detected there (3,) [m] at a time [s]."""
         last, before = self.newest
         return math.dist(centre, last) <= max(FASTEST * abs(time - before), SAME_PLACE) + self.noise_bound
 
-    def is_at(self, centre: Point, time: float) -> bool:
+    def is_at(self, centre: Vector, time: float) -> bool:
         """Whether it is expected there (3,) [m] at a time [s]."""
         return self.distance(centre, time) <= SAME_PLACE + self.noise_bound
 
-    def distance(self, centre: Point, time: float) -> float:
+    def distance(self, centre: Vector, time: float) -> float:
         """How far a detection (3,) [m] at a time [s] is from where it is expected, or from the last one [m]."""
         last, before = self.newest
         passed = max(0.0, time - before)
@@ -169,7 +170,7 @@ class ObstacleMotion:
         """How far apart noise alone makes two detections of one place [m]."""
         return math.sqrt(2.0 * BREAK) * self.noise.deviation
 
-    def _add(self, centre: Point, time: float) -> None:
+    def _add(self, centre: Vector, time: float) -> None:
         self._seen.append((time, centre, self._sums))
         begin, (a, b, c) = self._origin
         t, x, y, z = time - begin, centre[0] - a, centre[1] - b, centre[2] - c
@@ -241,7 +242,7 @@ class ObstacleMotion:
         return begin
 
 
-def _line(sums: Sums) -> tuple[float, float, float, Point, Point]:
+def _line(sums: Sums) -> tuple[float, float, float, Vector, Vector]:
     """n, the mean time m [s], S [s^2], the mean position [m], and sum (t - m) p [m s], of sums over detections."""
     n, t, tt, x, y, z, tx, ty, tz = sums
     m = t / n

@@ -14,9 +14,7 @@ import math
 from collections import deque
 from typing import NamedTuple
 
-from geodesic_motion_ros.obstacles.detection_noise import moved_by
-
-Vector = tuple[float, float, float]
+from geodesic_motion_ros.geometry.vectors import Vector, added
 
 #: Positions are compared every so often [s], over so long [s].
 INTERVAL, MEMORY = 0.1, 2.0
@@ -86,9 +84,9 @@ class VelocityHistory:
         """Make the history of what has moved as this has, but was elsewhere, by a shift (3,) [m]."""
         other = VelocityHistory()
         for time, place in self._positions:
-            other._positions.append((time, moved_by(place, shift)))
+            other._positions.append((time, added(place, shift)))
         other._means = self._means.copy()
-        other._newest = None if self._newest is None else (self._newest[0], moved_by(self._newest[1], shift))
+        other._newest = None if self._newest is None else (self._newest[0], added(self._newest[1], shift))
         other._at_last = self._at_last
         return other
 

@@ -11,14 +11,8 @@ from geodesic_motion_ros.geometry.clusters import Cluster
 from geodesic_motion_ros.geometry.distance_field import DistanceField
 from geodesic_motion_ros.geometry.line_of_sight import LineOfSight
 from geodesic_motion_ros.geometry.point_clouds import MOMENT
-from geodesic_motion_ros.obstacles.cluster_tracks import (
-    GROWN,
-    HIDDEN,
-    LEAST_NOISE,
-    SAME_SIZE,
-    STEADY_SIZE,
-    STEADY_SPHERE,
-)
+from geodesic_motion_ros.obstacles.cluster_tracks import HIDDEN
+from geodesic_motion_ros.obstacles.tracked_cluster import GROWN, LEAST_NOISE, SAME_SIZE, STEADY_SIZE, STEADY_SPHERE
 from geodesic_motion_ros.obstacles.tracker import ObstacleSet, ObstacleTracker
 
 RATE, AROUND, RADIUS = 30.0, 0.01, 0.05
