@@ -140,10 +140,11 @@ class TrackedCluster:
         middle, deviation = ball_of_radius(cluster.points, expected, self._ball_radius, weight)
         if deviation > STILL_BALL * BALL_DEVIATION:
             return None
+        farthest = float(np.max(np.linalg.norm(cluster.points - middle, axis=1)))
         if seen is not None:
-            reach = float(seen[3] + np.max(np.linalg.norm(cluster.points - middle, axis=1)) - np.max(radii))
-            self._ball_reach += (reach - self._ball_reach) / self._balls
-        return np.array([*middle, self._ball_reach])
+            self._ball_reach += (float(seen[3] + farthest - np.max(radii)) - self._ball_reach) / self._balls
+        # What sticks out by more is not noise.
+        return np.array([*middle, max(self._ball_reach, farthest - STEADY_SPHERE)])
 
     def _go_on_at(self, cluster: Cluster, ball: np.ndarray | None, time: float) -> None:
         """Go on at the middle of its ball, or of its box, where it was the other one before: it has not moved by what

@@ -149,6 +149,19 @@ class TestBall:
                 np.testing.assert_allclose(known.velocities, [VELOCITY] * len(known), atol=0.02)
                 assert np.max(known.radii) < RADIUS + AROUND + 0.008
 
+    def test_holds_what_is_not_of_it_but_for_noise(self):
+        """A few points of a finger, which are too few to make it none."""
+        clouds = Clouds()
+        for number in range(30):
+            place = HERE + (number + 1) / RATE * VELOCITY
+            clouds.show(round_thing(place))
+        cluster = round_thing(place + VELOCITY / RATE)
+        finger = place + VELOCITY / RATE + np.array([[RADIUS + out, 0.0, 0.0] for out in (0.01, 0.02, 0.03)])
+        known = clouds.show(cluster._replace(points=np.concatenate([cluster.points, finger]), ball=None))
+        outside = np.linalg.norm(finger[:, None] - known.centres, axis=2) - known.radii
+        assert len(known) == 1
+        assert np.max(outside) <= STEADY_SPHERE
+
     @pytest.mark.parametrize("is_ball", [True, False])
     def test_that_is_hidden_more_and_more_moves_on_as_it_does(self, is_ball):
         clouds, errors = Clouds(), []
