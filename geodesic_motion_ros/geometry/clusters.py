@@ -113,7 +113,10 @@ def hanging_together(
                         other = cubes[a, b, c] - 1
                         if other < 0 or of_cube[other] >= 0 or kinds[other] != kinds[cube]:
                             continue
-                        if np.sum((means[other] - means[cube]) ** 2) <= gap**2:
+                        square = 0.0
+                        for axis in range(3):
+                            square += (means[other, axis] - means[cube, axis]) ** 2
+                        if square <= gap**2:
                             of_cube[other] = clusters
                             waiting[queued] = other
                             queued += 1

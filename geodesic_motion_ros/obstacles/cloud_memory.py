@@ -199,23 +199,33 @@ def _most_beside(
     found, votes, near = np.full(len(places), -1), np.empty(27), np.empty(27, dtype=np.int64)
     for n in range(len(places)):
         i, j, k = places[n, 0] - first[0], places[n, 1] - first[1], places[n, 2] - first[2]
-        count = 0
+        count, nearest, alike = 0, 0, True
         for a in range(i - 1, i + 2):
             for b in range(j - 1, j + 2):
                 for c in range(k - 1, k + 2):
                     other = cubes[a, b, c] - 1
                     if other >= 0 and things[other] >= 0:
                         near[count] = other
-                        votes[count] = 1.0 / (np.sum((means[n] - known[other]) ** 2) + edge**2)
+                        square = edge**2
+                        for axis in range(3):
+                            square += (means[n, axis] - known[other, axis]) ** 2
+                        votes[count] = 1.0 / square
+                        nearest = count if votes[count] > votes[nearest] else nearest
+                        alike = alike and things[other] == things[near[0]]
                         count += 1
-        most = 0.0
+        if count == 0:
+            continue
+        found[n] = near[nearest]
+        most = np.inf if alike else 0.0
         for one in range(count):
-            vote, nearest = 0.0, True
+            if most == np.inf:
+                break
+            vote, is_nearest = 0.0, True
             for other in range(count):
                 if things[near[other]] == things[near[one]]:
                     vote += votes[other]
-                    nearest = nearest and votes[other] <= votes[one]
-            if nearest and vote > most:
+                    is_nearest = is_nearest and votes[other] <= votes[one]
+            if is_nearest and vote > most:
                 most, found[n] = vote, near[one]
     return found
 

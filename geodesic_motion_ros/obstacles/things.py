@@ -137,9 +137,12 @@ def _things_before(
     _spread(places, in_grid, grid.first, things)
     unknown = things == _UNKNOWN
     if np.any(unknown):
-        pieces, sizes = hanging_together(places, in_grid, grid.first, things, means, GAP * grid.edge)
-        apart = unknown & (sizes[pieces] >= APART_CUBES)
-        things[apart] = _APART - pieces[apart]
+        others = places[unknown]
+        kinds = np.zeros(len(others), dtype=np.int64)
+        pieces, sizes = hanging_together(
+            others, grid.numbered(others), grid.first, kinds, means[unknown], GAP * grid.edge
+        )  # fmt: skip
+        things[unknown] = np.where(sizes[pieces] >= APART_CUBES, _APART - pieces, _UNKNOWN)
         _spread(places, in_grid, grid.first, things)
     return things
 
