@@ -23,7 +23,8 @@ from geodesic_motion_ros.obstacles.cloud_memory import NEW_SHARE, SELDOM, Cubes,
 #: What has a cube farther [m] from its middle is not small; what is of fewer cubes may be an error of the camera.
 LARGEST, FEWEST_CUBES = 0.25, 4
 #: So many cubes or more, of which nothing is known, are apart from others where the means of their points are farther
-#: apart than so many edges. Fewer, as those of a thin rod are, hang together with what they touch.
+#: apart than so many edges, if they are small together. Fewer, as those of a thin rod are, hang together with what they
+#: touch.
 APART_CUBES, GAP = 8, 1.25
 #: What has parted is still the same thing if it is more than this share of its cubes.
 WHOLE_SHARE = 0.75
@@ -137,12 +138,14 @@ def _things_before(
     _spread(places, in_grid, grid.first, things)
     unknown = things == _UNKNOWN
     if np.any(unknown):
-        others = places[unknown]
-        kinds = np.zeros(len(others), dtype=np.int64)
-        pieces, sizes = hanging_together(
-            others, grid.numbered(others), grid.first, kinds, means[unknown], GAP * grid.edge
-        )  # fmt: skip
-        things[unknown] = np.where(sizes[pieces] >= APART_CUBES, _APART - pieces, _UNKNOWN)
+        others, of_others = np.ascontiguousarray(places[unknown]), np.ascontiguousarray(means[unknown])
+        numbers, kinds = grid.numbered(others), np.zeros(len(others), dtype=np.int64)
+        wholes, sizes = hanging_together(others, numbers, grid.first, kinds, of_others, np.inf)
+        # What is large, as a table is, may be of points that are few.
+        large = cluster_radii(of_others, wholes, len(sizes)) > LARGEST
+        pieces, sizes = hanging_together(others, numbers, grid.first, kinds, of_others, GAP * grid.edge)
+        apart = (sizes[pieces] >= APART_CUBES) & ~large[wholes]
+        things[unknown] = np.where(apart, _APART - pieces, _UNKNOWN)
         _spread(places, in_grid, grid.first, things)
     return things
 

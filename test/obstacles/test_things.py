@@ -102,6 +102,17 @@ def test_what_touches_with_cubes_whose_points_are_apart_is_two(cubes, things):
     assert len(find(replace(one, thing=np.full(27, 1)), replace(far, thing=np.full(cubes, 1)), numbered=1).chosen) == 1
 
 
+def test_what_is_large_is_one_however_far_apart_its_points_are():
+    wall = block((0, 0, 0), (20, 30, 1))
+    # Two rows are nearer to each other, and the next two.
+    coarse = replace(
+        wall, means=wall.means + 0.45 * EDGE * np.where(wall.places[:, 1:2] // 2 % 2, 1.0, -1.0) * [0, 1, 0]
+    )
+    things = find(coarse)
+    assert len(things.chosen) == 0
+    assert same(field_places(things), wall)
+
+
 def test_what_touches_is_one_and_what_does_not_is_two():
     one, touching, apart = block((0, 0, 0)), block((3, 1, 1)), block((4, 0, 0))
     assert len(find(one, touching).chosen) == 1
