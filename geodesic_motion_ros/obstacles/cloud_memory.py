@@ -216,10 +216,10 @@ def _most_beside(
         if count == 0:
             continue
         found[n] = near[nearest]
-        most = np.inf if alike else 0.0
+        if alike:
+            continue
+        most = 0.0
         for one in range(count):
-            if most == np.inf:
-                break
             vote, is_nearest = 0.0, True
             for other in range(count):
                 if things[near[other]] == things[near[one]]:

@@ -71,7 +71,7 @@ class ClusterTracks:
                 self._count += 1
                 self._things.append(thing)
             thing.see(cluster, around, arrival, taken, time)
-            self._noise = thing.noise or self._noise
+            self._noise = thing.noise
         wholes = {cluster.part_of for cluster in clusters if cluster.part_of}
         for one, thing in enumerate(known):
             if one not in thing_of.values():
@@ -87,15 +87,15 @@ class ClusterTracks:
         self._things = [thing for thing in self._things if now < thing.expires]
 
     def moving(self) -> int:
-        """How many move."""
+        """Count those that move."""
         return sum(thing.moves for thing in self._things)
 
     def places(self, now: float, most: int) -> Iterator[tuple[int, Place]]:
-        """Everywhere they may be, each with its number; most : as of `Track.places`."""
+        """Yield everywhere that they may be, each with its number; most : as of `Track.places`."""
         for thing in self._things:
             for place in thing.places(now, most):
                 yield thing.number, place
 
     def changes(self, now: float) -> float:
-        """When `places` changes by itself [s]; inf for never."""
+        """Return when `places` changes by itself [s]; inf for never."""
         return min((thing.changes(now) for thing in self._things), default=math.inf)

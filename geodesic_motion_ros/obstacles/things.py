@@ -59,8 +59,8 @@ class Things:
     numbered: int
 
     def field_places(self, clusters: Sequence[Cluster], edge: float) -> np.ndarray:
-        """Places (n, 3) of the cubes, with an edge [m], that are in none of the clusters made of these things; of what
-        moves now, those where it was and is not any more.
+        """Find the places (n, 3) of cubes, with an edge [m], that are in none of the clusters made of these things; of
+        what moves now, those where it was and is not any more.
         """
         in_cluster = np.isin(self.of_cube, self.chosen)
         before = np.arange(len(self.cubes)) >= len(self.of_seen)
@@ -96,6 +96,8 @@ def find_things(seen: Cubes, counts: np.ndarray, remembered: Cubes, grid: VoxelG
     stand.
 
     A thing stands where the cubes that are seen of it have stood but for `NEW_SHARE`.
+
+    numbered : the highest number of a thing in the clouds before.
     """
     cubes = seen.beside(remembered)
     noise = flickering(cubes.places, grid.numbered(cubes.places), grid.first, cubes.share)

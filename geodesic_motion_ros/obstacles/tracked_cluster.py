@@ -66,10 +66,8 @@ class TrackedCluster:
         self.seen, self.expires = -math.inf, math.inf
 
     def expected(self, time: float) -> Vector:
-        """Where it is expected (3,) [m] at a time [s]."""
-        passed = max(0.0, time - self._motion.newest[1])
-        x, y, z = (p + passed * v for p, v in zip(self._motion.place, self._motion.velocity, strict=True))
-        return x, y, z
+        """Return where it is expected (3,) [m] at a time [s]."""
+        return self._motion.expected(time)
 
     @property
     def _was_seen(self) -> bool:
@@ -82,11 +80,11 @@ class TrackedCluster:
 
     @property
     def noise(self) -> float:
-        """Of its place [m], 0 where that is not known."""
+        """The noise of its place [m]."""
         return self._motion.noise.deviation
 
     def mismatch(self, cluster: Cluster, time: float, seen_last: float) -> float:
-        """How far a cluster at a time [s] is from where this one is expected [m]; inf where it is another one.
+        """Return how far a cluster at a time [s] is from where this one is expected [m]; inf where it is another one.
 
         seen_last : when the last cloud arrived [s]. What it has not shown comes out again near where it is expected.
         """
@@ -108,7 +106,7 @@ class TrackedCluster:
         """Take a detection; around : radius of every point [m]. Times as of `ClusterTracks.replace`."""
         while self._sizes and self._sizes[0][0] < time - SIZE_MEMORY:
             self._sizes.popleft()
-        ball = self._ball(cluster, time)
+        ball = self._take_ball(cluster, time)
         self._go_on_at(cluster, ball, time)
         place = self._middle(cluster, time) if ball is None else _middle_of(ball)
         if ball is None and self._sizes and min(self._hidden(cluster)) < -GROWN:
@@ -121,9 +119,10 @@ class TrackedCluster:
         self._track = track.placed(self._track if self._was_seen else None)
         self.cluster, self.seen, self.expires = cluster.number, arrival, math.inf
 
-    def _ball(self, cluster: Cluster, time: float) -> np.ndarray | None:
-        """Find the ball that a cluster is, as of `Cluster`, with the radius that it has on average, if it is one or has
-        been one: what is seen from one side tells little of how large a ball is, and so of where its middle is.
+    def _take_ball(self, cluster: Cluster, time: float) -> np.ndarray | None:
+        """Take the radius of the ball that a cluster is, and return that ball, as of `Cluster`, with the radius that it
+        has on average; None where it is none. What is seen from one side tells little of how large a ball is, and so of
+        where its middle is. One that was a ball stays one as long as its points are on that.
         """
         if cluster.ball is None and not self._is_ball:
             return None
@@ -182,7 +181,7 @@ class TrackedCluster:
             self._radius = float(np.max(np.linalg.norm(spheres[:, :3], axis=1) + spheres[:, 3]))
 
     def places(self, now: float, most: int) -> Iterator[Place]:
-        """Where each of its spheres may be; most : as of `Track.places`."""
+        """Yield where each of its spheres may be; most : as of `Track.places`."""
         if self.stands:
             for x, y, z, radius in self._spheres.tolist():
                 yield Place((x, y, z), radius, None, (0.0, 0.0, 0.0), 0.0, self._track.since)
@@ -194,11 +193,11 @@ class TrackedCluster:
                 yield place._replace(centre=centre, radius=radius + larger)
 
     def changes(self, now: float) -> float:
-        """When `places` changes by itself, or it vanishes [s]; inf for never."""
+        """Return when `places` changes by itself, or it vanishes [s]; inf for never."""
         return min(self.expires, self._track.changes(now))
 
     def _hidden(self, cluster: Cluster) -> list[float]:
-        """By how much its half extents (3,) [m] have been larger of late."""
+        """Return by how much its half extents (3,) [m] have been larger of late."""
         return [max(half[axis] for _, half in self._sizes) - cluster.half[axis] for axis in range(3)]
 
     def _middle(self, cluster: Cluster, time: float) -> Vector:

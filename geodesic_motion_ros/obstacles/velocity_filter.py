@@ -160,10 +160,13 @@ class ObstacleMotion:
 
     def distance(self, centre: Vector, time: float) -> float:
         """How far a detection (3,) [m] at a time [s] is from where it is expected, or from the last one [m]."""
-        last, before = self.newest
-        passed = max(0.0, time - before)
-        expected = [p + passed * v for p, v in zip(self.place, self.velocity, strict=True)]
-        return min(math.dist(centre, expected), math.dist(centre, last))
+        return min(math.dist(centre, self.expected(time)), math.dist(centre, self.newest[0]))
+
+    def expected(self, time: float) -> Vector:
+        """Return where it is expected (3,) [m] at a time [s] that is not before the newest detection."""
+        passed = max(0.0, time - self.newest[1])
+        x, y, z = (p + passed * v for p, v in zip(self.place, self.velocity, strict=True))
+        return x, y, z
 
     @property
     def noise_bound(self) -> float:
