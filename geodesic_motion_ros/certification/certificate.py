@@ -13,7 +13,7 @@ is for `swept_spheres.py`.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numba
 import numpy as np
@@ -29,6 +29,9 @@ from geodesic_motion_ros.robot.body_points import end_effector_poses, lever_boun
 from geodesic_motion_ros.robot.collision_model import CollisionModel
 from geodesic_motion_ros.robot.kinematics import Robot, contiguous
 from geodesic_motion_ros.trajectory.trajectory import PERIOD, JointReference, joined, kept_knots
+
+#: Two clearances [m] that differ by less are the same: those of a motion count what may be between its knots.
+_ROUNDING = 1e-3
 
 
 @dataclass(frozen=True)
@@ -218,8 +221,7 @@ class ArmCertifier:
         times = reference.times
         _, largest = quintic_bounds(times, reference.positions, reference.velocities, reference.accelerations)
         bulges = sphere_bulges(times, largest[0], largest[1], self._levers)
-        placed = place_body_points(contiguous(reference.positions), self._frames, self._offsets, self._robot.chain)
-        return SweptSpheres(times, placed, bulges)
+        return SweptSpheres(times, self._place(reference.positions), bulges)
 
     def room(self, swept: SweptSpheres, standing: Obstacles) -> float:
         """Return the least clearance [m] of a motion from obstacles that stand."""
@@ -259,6 +261,35 @@ class ArmCertifier:
         """
         certificate = self.certify_swept(swept, obstacles, requirement.horizon, requirement.stands_after)
         return certificate, self.objection(certificate, requirement.margin(obstacles, present))
+
+    def assess_leaving(
+        self, swept: SweptArm, obstacles: Obstacles, requirement: Requirement, stop: JointReference
+    ) -> tuple[Certificate, str]:
+        """Assess, as `assess` does, where a motion takes an arm that may touch already what moves: it may leave that.
+
+        At no time is it deeper in what moves than it would be if it stopped, and in the end it is free of it. What
+        stands it must not touch at all.
+
+        stop : the soonest stop from the same state.
+        """
+        certificate, objection = self.assess(swept, obstacles, requirement)
+        if not certificate.clearance[0] < 0.0 or obstacles.is_static:
+            return certificate, objection
+        among_standing = self.assess(swept, obstacles.static_subset, requirement)[1]
+        if among_standing:
+            return certificate, among_standing
+        stopped = replace(swept, placed=self._place(stop.samples(swept.times)[0]), bulges=np.zeros_like(swept.bulges))
+        leaving, stopping = (
+            self.certify_swept(one, obstacles.moving_subset, requirement.horizon, requirement.stands_after).clearance
+            for one in (swept, stopped)
+        )
+        last = max(0, min(int(np.searchsorted(swept.times, requirement.horizon)), len(leaving)) - 1)
+        deeper = leaving < np.minimum(stopping, 0.0) - _ROUNDING
+        return certificate, objection if np.any(deeper) or leaving[last] < 0.0 else ""
+
+    def _place(self, positions: np.ndarray) -> np.ndarray:
+        """Sphere centres (n, S, 3) [m] in configurations (n, eta)."""
+        return place_body_points(contiguous(positions), self._frames, self._offsets, self._robot.chain)
 
     def _entered(self, swept: SweptArm) -> str:
         """The link and the part of the scene that meet first; "" where none do."""

@@ -69,7 +69,8 @@ class Requirements:
         nearer to an obstacle.
     detour : of a path beside what was demonstrated.
     evasion, beside_graph : of a motion that makes room, to a place on the graph and to one beside it. To pass an
-        obstacle narrowly is better than to be met by it: no margin is required.
+        obstacle narrowly is better than to be met by it: no margin is required. An arm that touches already what moves
+        may leave it (`ArmCertifier.assess_leaving`).
     approach : of a motion towards a covered goal. The clearance that there is already: where the arm is.
     stop : of the soonest stop, which is played whatever its certificate states.
     later_stop : what the stop that a motion must leave keeps from wherever an obstacle may halt

@@ -20,6 +20,7 @@ from geodesic_motion_ros.planning.planner import ReactivePlanner
 from geodesic_motion_ros.planning.situation import Situation
 from geodesic_motion_ros.queries.search import load_search
 from geodesic_motion_ros.trajectory.timing import load_references
+from geodesic_motion_ros.trajectory.trajectory import JointReference
 
 #: How far from what was demonstrated a detour and an evasion are looked for [m].
 _REACH = 0.1
@@ -51,7 +52,8 @@ def load_kernels(planner: ReactivePlanner) -> None:
     state = MotionState(0.0, start, still, still, query.start_latent)
     if planner.may_detour:
         arm.detours.find(query, obstacles, _REACH)
-        evasion_beside_graph(solver, query, state, obstacles, _REACH)
+        standing = JointReference.standing(start, query.start_latent)
+        evasion_beside_graph(solver, query, state, obstacles, standing, _REACH)
     plan = solver.solve(query, state, obstacles, solver.cautious_attempts)
     if plan.trajectory is None:
         return

@@ -1,5 +1,5 @@
 """Certified motions of an arm that makes room, to places to which no obstacle is expected to come: on the graph nearby,
-or beside it.
+or beside it. One that touches already what moves leaves it.
 """
 
 from __future__ import annotations
@@ -48,7 +48,8 @@ def evasion_on_graph(
             timed = workings.time_path(solver.timer, query, begin, path, False, math.inf)
             if not isinstance(timed, Refusal):
                 whole = timed.reference if first is None else joined(first, 0.0, timed.reference, first.duration)
-                certificate, objection = solver.certifier.assess(solver.certifier.sweep(whole), obstacles, requirement)
+                swept = solver.certifier.sweep(whole)
+                certificate, objection = solver.certifier.assess_leaving(swept, obstacles, requirement, stop)
                 figures = solver.judge(query, path, timed, certificate, objection)
                 if not isinstance(figures, Refusal):
                     return Plan(solver.certifier.judge(whole, certificate), state.time, Verdict(figures=figures))
@@ -75,13 +76,14 @@ def evasion_beside_graph(
     query: ArmQuery,
     state: MotionState,
     obstacles: Obstacles,
+    stop: JointReference,
     reach: float,
     deadline: Deadline = NEVER,
 ) -> Plan | None:
     """Return a certified motion to a place beside the graph, to which no obstacle comes soon; None where none is found
     in time.
 
-    reach : how far the tool may be from what was demonstrated [m].
+    stop : the soonest stop from the state. reach : how far the tool may be from what was demonstrated [m].
     """
     latent = latent_start(query, state)[None]
     progress, _ = solver.graph.progress_map(latent)
@@ -101,7 +103,7 @@ def evasion_beside_graph(
         timed = solver.timer.time_curve(state, JointCurve(curve, np.repeat(latent, len(curve), axis=0), 0.0))
         if isinstance(timed, Refusal):
             continue
-        certificate, met = solver.certifier.assess(timed.swept, obstacles, requirement)
+        certificate, met = solver.certifier.assess_leaving(timed.swept, obstacles, requirement, stop)
         if not (met or solver.certifier.seen_objection(timed.swept, seen)):
             verdict = Verdict(figures=Figures(clearance=float(np.min(certificate.clearance))))
             return Plan(solver.certifier.judge(timed.reference, certificate), state.time, verdict)

@@ -172,8 +172,11 @@ class Situation:
         if required not in self._met_without_evasion:
             followed = self.followed
             on_path = followed is not None and followed.purpose in (Purpose.GOAL, Purpose.APPROACH)
-            left = self.stop.swept if on_path and not self.at_rest else self.remaining_sweep
-            self._met_without_evasion[required] = not self.certifier.assess(left, self.expected_obstacles, required)[1]
+            if on_path and not self.at_rest:
+                objection = self.certifier.assess(self.stop.swept, self.expected_obstacles, required)[1]
+            else:
+                objection = self._assess_rest(required)[1]
+            self._met_without_evasion[required] = not objection
         return self._met_without_evasion[required]
 
     @cached_property
@@ -203,12 +206,17 @@ class Situation:
         """Return the least clearance [m] of the rest of the trajectory that is being played; None where it does not
         meet what is required to go on, or may not be followed (`may_follow`).
         """
-        certificate, objection = self.certifier.assess(
-            self.remaining_sweep, self.expected_obstacles, self._required_to_go_on
-        )
+        certificate, objection = self._assess_rest(self._required_to_go_on)
         if self.settings.avoidance and objection:
             return None
         return float(np.min(certificate.clearance)) if self.may_follow(self.played) else None
+
+    def _assess_rest(self, required: Requirement) -> tuple[Certificate, str]:
+        """Assess the rest of what is being played; an evasion may leave what touches the arm already."""
+        swept, obstacles, followed = self.remaining_sweep, self.expected_obstacles, self.followed
+        if followed is None or followed.purpose is not Purpose.EVASION or self.at_rest:
+            return self.certifier.assess(swept, obstacles, required)
+        return self.certifier.assess_leaving(swept, obstacles, required, self.stop.reference)
 
     @property
     def _required_to_go_on(self) -> Requirement:

@@ -12,6 +12,7 @@ from scipy.spatial.transform import Rotation
 
 from geodesic_motion_ros.certification.certificate import ArmCertifier, sphere_bulges
 from geodesic_motion_ros.certification.declared_scene import DeclaredScene
+from geodesic_motion_ros.contract.requirement import NO_CONTACT, Requirement
 from geodesic_motion_ros.geometry.distance_field import DistanceField, field_distances
 from geodesic_motion_ros.geometry.quintic import quintic_bounds
 from geodesic_motion_ros.geometry.shapes import solid_distances, solid_rows
@@ -410,6 +411,58 @@ def test_the_real_arm_is_never_nearer_than_certified():
                     costs.append(real - certificate.clearance[interval])
     assert len(costs) > 60
     assert np.median(costs) < 0.03
+
+
+def turning(by: float) -> JointReference:
+    """The arm turns by an angle [rad] about its base, from rest."""
+    path = ROBOT.ready + np.linspace(0.0, by, 30)[:, None] * np.eye(7)[0]
+    return timed_joint_reference(path, np.zeros((30, 1)), LIMITS)
+
+
+@pytest.mark.parametrize(
+    ("by", "speed", "standing", "may"),
+    [(0.6, 0.1, False, True), (-0.6, 0.1, False, False), (0.0, 0.1, False, False), (0.6, 0.4, False, False),
+     (0.6, 0.0, False, False), (0.6, 0.1, True, False)],
+    ids=["away from it", "into it", "it stays", "it is faster", "it stands", "into what stands"],
+)  # fmt: skip
+def test_an_arm_that_touches_what_moves_may_leave_it(by, speed, standing, may):
+    """What is the same for all of them: it is refused as a motion that is to touch nothing."""
+    required = Requirement(NO_CONTACT, NO_CONTACT, 1.0, stands_after=False)
+    hand = placed_at(JointReference.standing(ROBOT.ready, np.zeros(1)), np.zeros(1))[0, -1]
+    offset = np.array([0.0, RADII[-1] + 0.05 - 0.01, 0.0])
+    centres, velocities = [hand - offset], [[0.0, speed, 0.0]]
+    if standing:
+        centres, velocities = [*centres, hand + 2.0 * offset], [*velocities, [0.0, 0.0, 0.0]]
+    obstacles = Obstacles.of_spheres(np.array(centres), np.full(len(centres), 0.05), np.array(velocities))
+    stop, swept = JointReference.standing(ROBOT.ready, np.zeros(1)), CERTIFIER.sweep(turning(by))
+    assert CERTIFIER.assess(swept, obstacles, required)[1]
+    assert (CERTIFIER.assess_leaving(swept, obstacles, required, stop)[1] == "") is may
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_an_arm_that_leaves_what_moves_is_never_deeper_in_it_than_if_it_had_stopped(seed):
+    """Between knots too, and free of it in the end."""
+    random = np.random.default_rng(seed)
+    required = Requirement(NO_CONTACT, NO_CONTACT, 1.0, stands_after=False)
+    stop, left = JointReference.standing(ROBOT.ready, np.zeros(1)), 0
+    hand = placed_at(stop, np.zeros(1))[0, -1]
+    for _ in range(40):
+        reference, direction = turning(random.uniform(-0.8, 0.8)), random.normal(size=3)
+        direction /= np.linalg.norm(direction)
+        radius, speed = random.uniform(0.02, 0.08), random.uniform(0.02, 0.3)
+        touching = hand - (RADII[-1] + radius - random.uniform(0.001, 0.02)) * direction
+        obstacles = Obstacles.of_spheres(touching[None], np.array([radius]), speed * direction[None])
+        if CERTIFIER.assess_leaving(CERTIFIER.sweep(reference), obstacles, required, stop)[1]:
+            continue
+        left += 1
+        times = np.linspace(0.0, required.horizon, 500)
+        centres, apart = touching + times[:, None] * speed * direction, []
+        for motion in (reference, stop):
+            gaps = np.linalg.norm(placed_at(motion, times)[:, MOVING] - centres[:, None], axis=2)
+            apart.append(np.min(gaps - RADII[MOVING] - radius, axis=1))
+        assert np.all(apart[0] >= np.minimum(apart[1], 0.0) - 0.002)
+        assert apart[0][-1] >= 0.0
+    assert left > 0
 
 
 def test_a_trajectory_has_the_certificate_of_every_interval_and_of_the_time_at_rest():

@@ -1,4 +1,5 @@
-"""Evasion: an arm that has no path to its goal makes room for an obstacle that comes to where it stands or stops.
+"""Evasion: an arm that has no path to its goal makes room for an obstacle that comes to where it stands or stops, or
+that touches it already.
 
 A place on the graph is searched first, then one beside it (`evasion_motion.py`). This module decides when, and how long
 the arm goes on evading.
@@ -65,11 +66,11 @@ class Evasion(Proposer):
         free, required = _assessed(turn, searches)
         while required is not None:
             state, obstacles, deadline = situation.state, situation.expected_obstacles, situation.deadline
+            stop = situation.stop.reference
             if required == BESIDE_GRAPH:
-                plan = self.beside_graph(solver, turn.query, state, obstacles, situation.reach, deadline)
+                plan = self.beside_graph(solver, turn.query, state, obstacles, stop, situation.reach, deadline)
             else:
-                stop, workings = situation.stop.reference, turn.memory.workings
-                plan = self.on_graph(solver, turn.query, state, obstacles, stop, workings, deadline)
+                plan = self.on_graph(solver, turn.query, state, obstacles, stop, turn.memory.workings, deadline)
             if plan is not None:
                 return _begun(replace(turn, memory=replace(turn.memory, past_searches=searches)), plan)
             if deadline.passed:
@@ -95,7 +96,7 @@ def _assessed(turn: Turn, searches: Mapping[str, PastSearch]) -> tuple[bool, str
     searches : those that were made and found nothing, by the names of their requirements.
     """
     situation = turn.situation
-    blocked = turn.verdict.code is VerdictCode.NO_FEASIBLE_PATH
+    blocked = turn.verdict.code in (VerdictCode.NO_FEASIBLE_PATH, VerdictCode.IN_COLLISION)
     if not (blocked and situation.settings.avoidance) or situation.obstacles.is_static:
         return False, None
     question = Question(turn.query, situation.obstacles)

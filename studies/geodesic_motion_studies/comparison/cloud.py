@@ -9,13 +9,15 @@ have noise, what is behind something else is not seen, and the robot is in view.
 - the rest is a distance field, which stands.
 
 All of it is code of the node, with the defaults of its parameters. Methods that know spheres alone are not handed the
-field. Noise depends on the scene alone. The judge goes by the true spheres.
+field. Noise depends on the scene alone. The judge goes by the true spheres; of one that touches it is noted for how
+long it had been in view.
 """
 
 from __future__ import annotations
 
 from collections import deque
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -33,9 +35,14 @@ from geodesic_motion_studies.comparison.camera import DELAY, PLACE, RATE
 from geodesic_motion_studies.comparison.execution import Outcome, PlayedMethod, Stage
 from geodesic_motion_studies.comparison.method import Method
 from geodesic_motion_studies.comparison.scene import Scene, scene_generator
+from geodesic_motion_studies.tools.collision_geometry import CollisionGeometry
 
 #: In the middle of the picture [m]: about where the demonstrations of the shipped skills are.
 TARGET = (0.35, 0.0, 0.35)
+#: A sphere is in view as long as every picture has so many points of it, no farther off than noise brings them [m].
+SHOWN, SHOWN_WITHIN = 4, 0.015
+#: For how long before a contact pictures are looked at [s].
+LOOKED_BACK = 1.0
 _SOURCE = "obstacle_cloud"
 # Times of ticks are off by rounding [s].
 _ROUNDING = 1e-6
@@ -52,11 +59,22 @@ def node_settings() -> CloudSettings:
 
 @dataclass(frozen=True, eq=False)
 class Picture:
-    """One cloud: when it was taken [s], the joints then (eta,) [rad], and its points (n, 3) [m] in the base frame."""
+    """One cloud: when it was taken [s], the joints then (eta,) [rad], its points (n, 3) [m] in the base frame, and the
+    spheres that were there: centres (3,) and radii [m].
+    """
 
     taken: float
     joints: np.ndarray
     points: np.ndarray
+    spheres: Mapping[str, tuple[np.ndarray, float]]
+
+    def shows(self, name: str) -> bool:
+        """Whether it has points of a sphere that was there."""
+        if name not in self.spheres:
+            return False
+        centre, radius = self.spheres[name]
+        off = np.linalg.norm(self.points - centre, axis=1) - radius
+        return int(np.count_nonzero(off <= SHOWN_WITHIN)) >= SHOWN
 
 
 class SeenInClouds(PlayedMethod):
@@ -78,6 +96,7 @@ class SeenInClouds(PlayedMethod):
         self._seen: SeenCloud | None = None
         self._declared = scene.declared
         self._taken, self._unpublished = 0, deque[Picture]()
+        self._pictures = deque[Picture](maxlen=round(LOOKED_BACK * RATE))
 
     def tick(self, now: float, obstacles: Obstacles) -> None:
         if now >= self._taken / RATE - _ROUNDING:
@@ -86,10 +105,22 @@ class SeenInClouds(PlayedMethod):
             placed = {name: (at, radius) for (name, radius), at in zip(there, obstacles.centres, strict=True)}
             joints = self.joint_positions
             points = self._camera.to_base(self._camera.points(joints, placed, self._random))
-            self._unpublished.append(Picture(now, joints, points))
+            picture = Picture(now, joints, points, placed)
+            self._unpublished.append(picture)
+            self._pictures.append(picture)
         while self._unpublished and now >= self._unpublished[0].taken + DELAY - _ROUNDING:
             self._publish(self._unpublished.popleft(), now)
         super().tick(now, self._tracker.current(now).moved_on(now, PlannerSettings.prediction, now))
+
+    def in_view(self, geometry: CollisionGeometry) -> float:
+        """Return for how long [s] pictures have shown the sphere nearest to the arm by now: LOOKED_BACK at most."""
+        spheres, shown = self._pictures[-1].spheres, 0
+        name = min(spheres, key=lambda one: geometry.clearance(*spheres[one]))
+        for picture in reversed(self._pictures):
+            if not picture.shows(name):
+                break
+            shown += 1
+        return shown / RATE
 
     def close(self) -> None:
         """End the camera's world."""
@@ -116,6 +147,10 @@ class CloudStage(Stage):
     def play(self, scene: Scene, method: Method) -> tuple[Outcome, np.ndarray]:
         seen = SeenInClouds(self.world, method, self._arena)
         try:
-            return self.judge(scene, seen)
+            outcome, postures = self.judge(scene, seen)
+            if outcome.contact and outcome.contact != "scene":
+                self.geometry.place(seen.joint_positions)
+                outcome = replace(outcome, in_view=seen.in_view(self.geometry))
+            return outcome, postures
         finally:
             seen.close()

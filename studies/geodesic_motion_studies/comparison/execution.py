@@ -80,6 +80,7 @@ class Outcome:
     stood : for how long [s] what is guarded had not moved at the end.
     waiting_avoids : whether an arm that waits at the start is not touched; None where no standing contact was.
     lag : largest distance [m] of a sphere of what is guarded from where it was to be, where the arm lags (`lag.py`).
+    in_view : for how long [s], until a contact, clouds had shown the sphere that touched (`cloud.py`); None elsewhere.
     dtw, orientation : of the tool's motion from that of the closest demonstration, or of the one held out [m], [rad].
     jerk : root mean square of the command's jerk, over all joints [rad/s^3].
     replans : processor time [s] of the ticks that answered something new (`Answer.planned`).
@@ -102,6 +103,7 @@ class Outcome:
     stood: float = 0.0
     waiting_avoids: bool | None = None
     lag: float = 0.0
+    in_view: float | None = None
 
     @property
     def success(self) -> bool:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence, Set
+from collections.abc import Callable, Mapping, Sequence, Set
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -10,12 +10,15 @@ from typing import Any
 import numpy as np
 
 from geodesic_motion_ros.utils.tables import text_table
+from geodesic_motion_studies.comparison.execution import Outcome
 from geodesic_motion_studies.comparison.families import FAMILIES, Family
 from geodesic_motion_studies.comparison.guard import Guard
 from geodesic_motion_studies.comparison.results import Played, SceneId
 
 #: Of all intervals; of the normal distribution; draws of the bootstrap.
 LEVEL, _QUANTILE, _DRAWS = 0.95, 1.959964, 1000
+#: An arm stops in less time than this [s]: of what had been in view for less it could not keep clear.
+IN_VIEW = 0.5
 #: The row that avoids nothing: where it fails there was something to avoid.
 BLIND = "replay"
 
@@ -253,9 +256,11 @@ class Report:
 
     def _tables(self) -> list[_Table]:
         standing = any(item.outcome.waiting_avoids is not None for item in self.played)
+        seen = any(item.outcome.in_view is not None for item in self.played)
         return [
             self._by_row("all", every), self._by_row("half or more stay free", mostly_free),
             self._by_row("fewer stay free", hardly_free), self._by_family(), *([self._standing()] if standing else []),
+            *([self._touched_in_view()] if seen else []),
         ]  # fmt: skip
 
     def _by_row(self, title: str, wanted: Callable[[Played], bool]) -> _Table:
@@ -279,12 +284,28 @@ class Report:
 
     def _standing(self) -> _Table:
         """The scenes with a contact of an arm that stood, by whether waiting at the start avoids it."""
-        rows = [[row, *(self._scenes(row, avoids) for avoids in (True, False))] for row in self.descriptions]
-        heads = ["waiting at the start avoids it", "does not"]
-        return _Table("touched, standing", heads, heads, rows)
+        wanted = {
+            "waiting at the start avoids it": lambda outcome: outcome.waiting_avoids is True,
+            "does not": lambda outcome: outcome.waiting_avoids is False,
+        }
+        return self._listed("touched, standing", wanted)
 
-    def _scenes(self, row: str, avoids: bool) -> str:
-        found = self.of(row, lambda item: item.outcome.waiting_avoids is avoids)
+    def _touched_in_view(self) -> _Table:
+        """The scenes with a contact where clouds are handed over, by whether they had shown the sphere that touched."""
+        wanted = {
+            f"in view for {IN_VIEW:g} s before": lambda outcome: (outcome.in_view or 0.0) >= IN_VIEW,
+            "for less": lambda outcome: outcome.in_view is not None and outcome.in_view < IN_VIEW,
+        }
+        return self._listed("touched, by a sphere", wanted)
+
+    def _listed(self, title: str, wanted: Mapping[str, Callable[[Outcome], bool]]) -> _Table:
+        """The scenes of each row that are wanted, a column for each reason."""
+        heads = list(wanted)
+        rows = [[row, *(self._scenes(row, one) for one in wanted.values())] for row in self.descriptions]
+        return _Table(title, heads, heads, rows)
+
+    def _scenes(self, row: str, wanted: Callable[[Outcome], bool]) -> str:
+        found = self.of(row, lambda item: wanted(item.outcome))
         names = [f"{item.family} {item.number}" for item in sorted(found, key=lambda item: item.scene_id)]
         return ", ".join(names) or "-"
 

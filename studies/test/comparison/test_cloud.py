@@ -14,7 +14,7 @@ from geodesic_motion_ros.obstacles.cloud_memory import STOOD
 from geodesic_motion_ros.obstacles.obstacles import Obstacles
 from geodesic_motion_ros.utils.errors import ParameterError
 from geodesic_motion_studies.comparison.arena import Arena
-from geodesic_motion_studies.comparison.camera import DELAY, RATE
+from geodesic_motion_studies.comparison.camera import DELAY, PLACE, RATE
 from geodesic_motion_studies.comparison.cloud import CloudStage, SeenInClouds, node_settings
 from geodesic_motion_studies.comparison.method import TICK, Answer
 from geodesic_motion_studies.comparison.run import BenchmarkSettings
@@ -84,6 +84,24 @@ def test_what_has_vanished_is_forgotten_after_a_moment(handed):
     forgotten = round((VANISHES + DELAY + MOMENT + 1.0 / RATE) / TICK) + 2
     assert len(handed[round((VANISHES + DELAY) / TICK) - 1].radii) > 0
     assert [(len(one.radii), len(one.cloud.occupied)) for one in handed[forgotten:]] == [(0, 0)] * (TICKS - forgotten)
+
+
+def test_of_a_sphere_that_touches_it_is_known_for_how_long_pictures_have_shown_it(arena: Arena):
+    """The nearest to the arm, since it appeared; the control: one that is nearer, and behind the camera's back."""
+    shown, beside = 0.4, np.array([0.45, -0.3, 0.6])
+    ball = MovingSphere(RADIUS, 0.0, VANISHES, beside, np.zeros(3), False)
+    far = replace(ball, begin=PLACE + [0.5, -0.5, 0.0])
+    stage = CloudStage(arena)
+    for spheres, expected in (((ball, far), shown), ((far,), 0.0)):
+        scene = replace(draw_scene(arena, "none", 0, 0), spheres=spheres)
+        motion = SeenInClouds(stage.world, Standing(), arena)
+        motion.reset(scene)
+        for tick in range(round(shown / TICK)):
+            places = np.stack([sphere.begin for sphere in spheres])
+            motion.tick(tick * TICK, Obstacles.of_spheres(places, np.full(len(spheres), RADIUS), time=tick * TICK))
+        stage.geometry.place(motion.joint_positions)
+        assert motion.in_view(stage.geometry) == pytest.approx(expected, abs=1.0 / RATE)
+        motion.close()
 
 
 def test_clouds_are_read_as_the_node_reads_them_by_default():

@@ -21,7 +21,7 @@ from geodesic_motion_studies.comparison.held_out import digest
 from geodesic_motion_studies.comparison.method import Answer
 from geodesic_motion_studies.comparison.methods.geodesic import Geodesics
 from geodesic_motion_studies.comparison.methods.replay import Replay
-from geodesic_motion_studies.comparison.report import Report, bootstrap_median, figures, mostly_free, wilson
+from geodesic_motion_studies.comparison.report import IN_VIEW, Report, bootstrap_median, figures, mostly_free, wilson
 from geodesic_motion_studies.comparison.results import Played, Results
 from geodesic_motion_studies.comparison.run import Bench, BenchmarkSettings, kept_benchmark
 from geodesic_motion_studies.comparison.scene import Scene, draw_scene
@@ -233,6 +233,14 @@ def test_scenes_with_a_contact_of_a_standing_arm_are_listed_by_whether_waiting_a
     assert report.figures("ours", mostly_free)["contacts_standing_where_waiting_avoids"] == 2
     assert [scene["waiting_avoids"] for scene in report.as_dict()["scenes"]] == [True, False, True, None]
     assert "waiting" not in replace(report, played=report.played[-1:]).plain()
+
+
+def test_scenes_with_a_contact_are_listed_by_how_long_clouds_had_shown_what_touched() -> None:
+    made = [outcome(reached=False, contact="moving", in_view=shown) for shown in (0.0, IN_VIEW, 0.9 * IN_VIEW)]
+    played = [Played("ours", "gate", number, {}, item) for number, item in enumerate(made)]
+    report = Report("reach", 0, [*played, Played("ours", "none", 0, {}, outcome())], {"ours": "geodesics"}, cloud=True)
+    assert report.markdown().splitlines()[-1] == "| ours | gate 1 | gate 0, gate 2 |"
+    assert "in view" not in replace(report, played=report.played[-1:]).plain()
 
 
 def test_clearance_is_that_of_successes_among_spheres() -> None:

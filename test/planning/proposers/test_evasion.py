@@ -65,6 +65,7 @@ class OneEvasionPath:
         query: object,
         state: MotionState,
         obstacles: Obstacles,
+        stop: JointReference,
         reach: float,
         deadline: Deadline,
     ) -> Plan | None:
