@@ -265,27 +265,30 @@ class ArmCertifier:
     def assess_leaving(
         self, swept: SweptArm, obstacles: Obstacles, requirement: Requirement, stop: JointReference
     ) -> tuple[Certificate, str]:
-        """Assess, as `assess` does, where a motion takes an arm that may touch already what moves: it may leave that.
+        """Assess, as `assess` does, where a motion takes an arm that may touch obstacles already: where one of them
+        moves it may leave them.
 
-        At no time is it deeper in what moves than it would be if it stopped, and in the end it is free of it. What
-        stands it must not touch at all.
+        At no time is it deeper in what moves than it would be if it stopped, and in the end it is free of it; nor is it
+        deeper in what stands. What it does not touch in the beginning it does not touch at all.
 
         stop : the soonest stop from the same state.
         """
         certificate, objection = self.assess(swept, obstacles, requirement)
         if not certificate.clearance[0] < 0.0 or obstacles.is_static:
             return certificate, objection
-        among_standing = self.assess(swept, obstacles.static_subset, requirement)[1]
-        if among_standing:
-            return certificate, among_standing
         stopped = replace(swept, placed=self._place(stop.samples(swept.times)[0]), bulges=np.zeros_like(swept.bulges))
-        leaving, stopping = (
-            self.certify_swept(one, obstacles.moving_subset, requirement.horizon, requirement.stands_after).clearance
-            for one in (swept, stopped)
-        )
-        last = max(0, min(int(np.searchsorted(swept.times, requirement.horizon)), len(leaving)) - 1)
-        deeper = leaving < np.minimum(stopping, 0.0) - _ROUNDING
-        return certificate, objection if np.any(deeper) or leaving[last] < 0.0 else ""
+        for part in (obstacles.static_subset, obstacles.moving_subset):
+            leaving, stopping = (
+                self.certify_swept(one, part, requirement.horizon, requirement.stands_after).clearance
+                for one in (swept, stopped)
+            )
+            allowed = np.minimum(stopping, 0.0) - _ROUNDING if leaving[0] < 0.0 else np.zeros_like(stopping)
+            if not part.is_static:
+                last = max(0, min(int(np.searchsorted(swept.times, requirement.horizon)), len(leaving)) - 1)
+                allowed[last] = 0.0
+            if np.any(leaving < allowed):
+                return certificate, objection
+        return certificate, self.objection(certificate, -math.inf)
 
     def _place(self, positions: np.ndarray) -> np.ndarray:
         """Sphere centres (n, S, 3) [m] in configurations (n, eta)."""

@@ -421,18 +421,20 @@ def turning(by: float) -> JointReference:
 
 @pytest.mark.parametrize(
     ("by", "speed", "standing", "may"),
-    [(0.6, 0.1, False, True), (-0.6, 0.1, False, False), (0.0, 0.1, False, False), (0.6, 0.4, False, False),
-     (0.6, 0.0, False, False), (0.6, 0.1, True, False)],
-    ids=["away from it", "into it", "it stays", "it is faster", "it stands", "into what stands"],
+    [(0.6, 0.1, None, True), (-0.6, 0.1, None, False), (0.0, 0.1, None, False), (0.6, 0.4, None, False),
+     (0.6, 0.0, None, False), (0.6, 0.1, (2.0, 0.0), False), (0.6, 0.1, (-0.7, -0.7), True),
+     (0.6, 0.1, (0.7, 0.7), False)],
+    ids=["away from it", "into it", "it stays", "it is faster", "it stands", "into what stands", "out of what stands",
+         "deeper into what stands"],
 )  # fmt: skip
 def test_an_arm_that_touches_what_moves_may_leave_it(by, speed, standing, may):
     """What is the same for all of them: it is refused as a motion that is to touch nothing."""
     required = Requirement(NO_CONTACT, NO_CONTACT, 1.0, stands_after=False)
     hand = placed_at(JointReference.standing(ROBOT.ready, np.zeros(1)), np.zeros(1))[0, -1]
-    offset = np.array([0.0, RADII[-1] + 0.05 - 0.01, 0.0])
-    centres, velocities = [hand - offset], [[0.0, speed, 0.0]]
-    if standing:
-        centres, velocities = [*centres, hand + 2.0 * offset], [*velocities, [0.0, 0.0, 0.0]]
+    beside = RADII[-1] + 0.05 - 0.01
+    centres, velocities = [hand - [0.0, beside, 0.0]], [[0.0, speed, 0.0]]
+    if standing is not None:
+        centres, velocities = [*centres, hand + beside * np.array([0.0, *standing])], [*velocities, [0.0, 0.0, 0.0]]
     obstacles = Obstacles.of_spheres(np.array(centres), np.full(len(centres), 0.05), np.array(velocities))
     stop, swept = JointReference.standing(ROBOT.ready, np.zeros(1)), CERTIFIER.sweep(turning(by))
     assert CERTIFIER.assess(swept, obstacles, required)[1]
