@@ -82,14 +82,24 @@ class FciLink:
         self._thread.start()
 
     def stop(self) -> None:
-        """Let the arm go on to rest and the process end; harmless when done before."""
+        """Let the arm go on to rest and the process end; harmless when done before.
+
+        A process that has not heard the arm yet, as it compiles kernels or finds none, is ended at once; so is one that
+        hangs, after `_REST`: the arm, which hears nothing more then, stops itself.
+        """
         if self._closing or self._process is None:
             return
         self._closing = True
         # Not closed: a thread reads from it. The other end sees that nothing more comes.
         with socket.socket(fileno=os.dup(self._link.fileno())) as link:
             link.shutdown(socket.SHUT_WR)
-        self._process.wait(_REST)
+        if self._shared.read().count == 0:
+            self._process.kill()
+        try:
+            self._process.wait(_REST)
+        except subprocess.TimeoutExpired:
+            self._process.kill()
+            self._process.wait()
         self._thread.join(1.0)
 
     def state(self) -> DriveState:
