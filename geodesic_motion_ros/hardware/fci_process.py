@@ -189,6 +189,7 @@ class FciProcess:
         self._tell("info", "the arm follows joint_trajectory")
         while True:
             now = self._step(period.to_sec())
+            self._robot_time = state.time.to_sec()  # what has passed until here is counted
             for request in self._requests():
                 resting = self._serve_following(request, stream, now, resting)
             wanted, refused = stream.command(now)

@@ -44,7 +44,8 @@ class CycleInputs:
     now : time of the clock that trajectories are stamped with, since the node began and without its jumps [s].
     heard : time of the clock that obstacles are heard by [s], which is never set.
     simulated : whether both are of a simulation, which may stand, run slowly or fast.
-    has_clock : whether that clock shows a time already.
+    has_clock : whether that clock shows a time already. clock_stood : for how long it has shown the same, where it is
+        simulated, of real time [s].
     set_by : sum of all jumps of that clock so far [s].
     held : the objects in the hand. held_refused : why it is not known what is in it; "" where it is.
     other_arm : why the arm is not that of the skill; "" where it is, or that is not known.
@@ -66,6 +67,7 @@ class CycleInputs:
     heard: float = 0.0
     simulated: bool = False
     has_clock: bool = True
+    clock_stood: float = 0.0
     set_by: float = 0.0
     held: tuple[HeldObject, ...] = ()
     held_refused: str = ""

@@ -9,6 +9,8 @@ from geodesic_motion_ros.nodes.cycle import CycleInputs
 
 #: What is reported where a simulated clock is to be followed and there is none.
 NO_CLOCK = "use_sim_time is set, and nothing has been received on /clock"
+#: A simulated clock that has stood for so long, of real time [s], is one that nobody drives.
+CLOCK_STANDS = 1.0
 
 
 @dataclass(frozen=True)
@@ -29,6 +31,9 @@ def stale_state(
     """
     if not inputs.has_clock:
         return Halt(Refusal(VerdictCode.STALE_STATE, NO_CLOCK))
+    if inputs.clock_stood > CLOCK_STANDS:
+        reason = f"/clock has stood for more than {CLOCK_STANDS:g} s: the simulation is paused, or has ended"
+        return Halt(Refusal(VerdictCode.STALE_STATE, reason))
     fault = inputs.state_fault
     if inputs.measured is None:
         return Halt(Refusal(VerdictCode.STALE_STATE, f"{state_topic}: {fault or 'none has arrived yet'}"))

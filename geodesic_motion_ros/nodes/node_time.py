@@ -47,6 +47,7 @@ class Moment:
     simulated : whether the ROS clock is a simulated one.
     set_by : sum of all jumps of the ROS clock so far [s].
     ros_time : the ROS clock, as messages are stamped [ns].
+    stood : for how long a simulated clock has shown the same, of real time [s]; 0 of a real one.
     """
 
     now: float
@@ -54,6 +55,7 @@ class Moment:
     simulated: bool
     set_by: float
     ros_time: int
+    stood: float = 0.0
 
     @property
     def has_clock(self) -> bool:
@@ -80,6 +82,7 @@ class NodeTime:
         self._began = self._now
         self._running = self._steady_now
         self._set_by = 0
+        self._moved_on = self._steady_now
 
     def read(self) -> Moment:
         """Return the time now."""
@@ -95,9 +98,12 @@ class NodeTime:
                 jump = 0 if abs(step - real) <= 1e9 * _SET else step - real
                 self._running += real
             self._set_by += jump
+            if step != 0 or not simulated:
+                self._moved_on = steady
             self._now, self._steady_now = now, steady
             passed = now - self._began - self._set_by
-            return Moment(1e-9 * passed, 1e-9 * self._running, simulated, 1e-9 * self._set_by, now)
+            stood = 1e-9 * (steady - self._moved_on)
+            return Moment(1e-9 * passed, 1e-9 * self._running, simulated, 1e-9 * self._set_by, now, stood)
 
     def ros_time(self, now: float) -> int:
         """Return what the ROS clock shows [ns] at a time as of `Moment.now` [s]."""

@@ -199,6 +199,7 @@ class PlannerInputs:
             subscribers=subscribers,
             now=moment.now,
             has_clock=moment.has_clock,
+            clock_stood=moment.stood,
             heard=now,
             simulated=moment.simulated,
             set_by=moment.set_by,

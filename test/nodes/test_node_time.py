@@ -108,6 +108,20 @@ def test_a_simulated_clock_that_was_never_heard_shows_no_time() -> None:
     assert Clocks(False, 0.0).time.read().has_clock
 
 
+def test_it_is_known_for_how_long_a_simulated_clock_has_stood() -> None:
+    """The control: a real one never stands."""
+    for simulated, stood in ((True, 3.0), (False, 0.0)):
+        clocks = Clocks(simulated)
+        clocks.go_on(0.01, 0.01)
+        assert clocks.time.read().stood == 0.0
+        for _ in range(3):
+            clocks.go_on(0.0, 1.0)
+            moment = clocks.time.read()
+        assert moment.stood == pytest.approx(stood)
+        clocks.go_on(0.01, 0.5)
+        assert clocks.time.read().stood == 0.0
+
+
 def test_a_message_was_in_transit_as_long_as_its_stamp_says() -> None:
     moment = Clocks(False).time.read()
     assert moment.transit(0.0) == 0.0

@@ -16,7 +16,7 @@ from geodesic_motion_ros.geometry.task_frame import TaskFrame
 from geodesic_motion_ros.motion.solver import Solver
 from geodesic_motion_ros.nodes.arm_watch import REST_TIME
 from geodesic_motion_ros.nodes.cycle import CycleInputs, CycleOutput
-from geodesic_motion_ros.nodes.input_faults import NO_CLOCK
+from geodesic_motion_ros.nodes.input_faults import CLOCK_STANDS, NO_CLOCK
 from geodesic_motion_ros.nodes.planner_cycle import PlannerCycle
 from geodesic_motion_ros.obstacles.tracker import ObstacleTracker
 from geodesic_motion_ros.planning.mission import GoalRequest
@@ -479,6 +479,17 @@ def test_a_simulation_of_today_that_begins_at_zero_again_is_no_missing_clock(cyc
     stopped = cycle.run(dataclasses.replace(at_zero, measured=arm.measured(), now=arm.now, heard=arm.now), PERIOD)
     assert stopped.goal_verdict.code is VerdictCode.NO_GOAL
     assert stopped.goal_verdict.reason == f"goal dropped: {reason}; send the goal again"
+
+
+def test_a_simulation_that_stands_stops_the_arm_until_it_goes_on(cycle, arm, inputs):
+    """Who drives it may have ended. The goal stays: it may be paused."""
+    follow(cycle, arm, dataclasses.replace(inputs, simulated=True), 0.5)
+    standing = dataclasses.replace(inputs, simulated=True, measured=arm.measured(), now=arm.now, heard=arm.now)
+    for stood, code in ((0.9 * CLOCK_STANDS, VerdictCode.OK), (1.1 * CLOCK_STANDS, VerdictCode.STALE_STATE)):
+        verdict = cycle.run(dataclasses.replace(standing, clock_stood=stood), PERIOD).verdict
+        assert verdict.code is code
+    assert "/clock has stood" in verdict.reason
+    assert arrive(cycle, arm, dataclasses.replace(inputs, simulated=True))[-1].verdict.ok
 
 
 def test_nothing_is_sent_before_there_is_a_goal(cycle, arm, inputs):

@@ -22,6 +22,7 @@ from geodesic_motion_ros.planning.proposers.turn import Proposer, Turn
 
 #: The names of the requirements of evasions, to a place on the graph and to one beside it.
 ON_GRAPH, BESIDE_GRAPH = "evasion", "beside_graph"
+_EVADING = "evading what is coming"
 
 
 class KeptEvasion(Proposer):
@@ -79,7 +80,7 @@ class Evasion(Proposer):
             searches = {**searches, required: PastSearch(Question(turn.query, situation.obstacles), situation.now)}
             free, required = _assessed(turn, searches)
         evading = situation.followed is not None and situation.followed.purpose is Purpose.EVASION
-        step = situation.go_on(turn.verdict) if free and evading else None
+        step = situation.go_on(turn.verdict.with_remark(_EVADING)) if free and evading else None
         return replace(turn, memory=replace(turn.memory, past_searches=searches), step=step)
 
 
@@ -113,6 +114,6 @@ def _begun(turn: Turn, plan: Plan) -> Turn:
     """The last turn, in which the arm begins an evasion path."""
     situation, verdict = turn.situation, turn.verdict
     verdict = verdict.with_figures(clearance=plan.verdict.figures.clearance)
-    plan = replace(plan, verdict=verdict.with_remark("evading what is coming"))
+    plan = replace(plan, verdict=verdict.with_remark(_EVADING))
     begun = FollowedPlan.of(turn.query, plan, situation.obstacles, situation.now, Purpose.EVASION)
     return replace(turn, step=situation.hand_out(plan, begun), decided=True)
