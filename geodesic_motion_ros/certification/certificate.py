@@ -31,7 +31,7 @@ from geodesic_motion_ros.robot.kinematics import Robot, contiguous
 from geodesic_motion_ros.trajectory.trajectory import PERIOD, JointReference, joined, kept_knots
 
 #: Two clearances [m] that differ by less are the same: those of a motion count what may be between its knots.
-_ROUNDING = 1e-3
+_SAME_CLEARANCE = 1e-3
 
 
 @dataclass(frozen=True)
@@ -282,7 +282,7 @@ class ArmCertifier:
                 self.certify_swept(one, part, requirement.horizon, requirement.stands_after).clearance
                 for one in (swept, stopped)
             )
-            allowed = np.minimum(stopping, 0.0) - _ROUNDING if leaving[0] < 0.0 else np.zeros_like(stopping)
+            allowed = np.minimum(stopping, 0.0) - _SAME_CLEARANCE if leaving[0] < 0.0 else np.zeros_like(stopping)
             if not part.is_static:
                 last = max(0, min(int(np.searchsorted(swept.times, requirement.horizon)), len(leaving)) - 1)
                 allowed[last] = 0.0

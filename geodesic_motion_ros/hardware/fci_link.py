@@ -84,8 +84,8 @@ class FciLink:
     def stop(self) -> None:
         """Let the arm go on to rest and the process end; harmless when done before.
 
-        A process that has not heard the arm yet, as it compiles kernels or finds none, is ended at once; so is one that
-        hangs, after `_REST`: the arm, which hears nothing more then, stops itself.
+        A process that has not ended after `_REST`, as it hangs or compiles kernels, is killed: an arm that it commands
+        hears nothing more then, and stops itself.
         """
         if self._closing or self._process is None:
             return
@@ -93,8 +93,6 @@ class FciLink:
         # Not closed: a thread reads from it. The other end sees that nothing more comes.
         with socket.socket(fileno=os.dup(self._link.fileno())) as link:
             link.shutdown(socket.SHUT_WR)
-        if self._shared.read().count == 0:
-            self._process.kill()
         try:
             self._process.wait(_REST)
         except subprocess.TimeoutExpired:

@@ -32,7 +32,7 @@ def stale_state(
     if not inputs.has_clock:
         return Halt(Refusal(VerdictCode.STALE_STATE, NO_CLOCK))
     if inputs.clock_stood > CLOCK_STANDS:
-        reason = f"/clock has stood for more than {CLOCK_STANDS:g} s: the simulation is paused, or has ended"
+        reason = f"/clock has stood for more than {CLOCK_STANDS:g} s: the simulation is paused, or has ended; start it"
         return Halt(Refusal(VerdictCode.STALE_STATE, reason))
     fault = inputs.state_fault
     if inputs.measured is None:

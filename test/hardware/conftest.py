@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from hypothesis import reject
 
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.robot.limits import JointLimits
@@ -26,7 +27,7 @@ class Arm:
 
     def motion(self, seed: int, *state: np.ndarray) -> JointReference:
         """A motion of one quintic, from a state or from rest near ready, to rest elsewhere near ready: the fastest of
-        some that keeps the limits.
+        some that keeps the limits. A seed of which none does, in motion towards a limit, is no example.
         """
         random = np.random.default_rng(seed)
         start, goal = self.robot.ready + random.uniform(-0.3, 0.3, size=(2, 7))
@@ -36,7 +37,7 @@ class Arm:
             motion = JointReference(np.array([0.0, duration]), *ends, np.zeros((2, 1)))
             if motion.keeps(self._planned):
                 return motion
-        raise AssertionError(f"no motion of seed {seed} keeps the limits")
+        reject()
 
 
 @pytest.fixture(scope="session")
