@@ -19,6 +19,7 @@ import pytest
 from builtin_interfaces.msg import Duration
 from rclpy.qos import QoSProfile
 from rclpy.time import Time
+from sensor_msgs.msg import JointState
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from geodesic_motion_ros.demo.demo_node import Demo
@@ -35,6 +36,7 @@ from geodesic_motion_ros.hardware import fci_link
 from geodesic_motion_ros.hardware.drive_state import DriveMode
 from geodesic_motion_ros.hardware.drive_talk import Notice
 from geodesic_motion_ros.hardware.fci_link import FciLink
+from geodesic_motion_ros.nodes.messages import seconds
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.skill.skill import Skill
 from geodesic_motion_studies.hardware.served_runs import start_network
@@ -336,6 +338,28 @@ def test_an_arm_that_is_slower_than_its_driver_s_clock_is_named(start_bench: Cal
     probe = start_bench(speed="0.5", driver="real").probe()
     armed(probe)
     probe.wait(lambda: "its stamps are" in probe.said and "clock_from_robot" in probe.said, "the status to say so")
+
+
+def test_the_time_of_a_simulated_arm_runs_on_when_it_stops_following(bench: Bench) -> None:
+    probe = bench.probe()
+    armed(probe)
+    stamps: list[float] = []
+    probe.node.create_subscription(
+        JointState, "joint_states", lambda message: stamps.append(seconds(message.header.stamp)), QoSProfile(depth=50)
+    )
+    probe.wait(lambda: stamps, "states")
+    message = motion_message(probe.drive[:7], 0, 0.5, 2.0)
+    until_sent(probe, message, lambda: probe.fastest() > 0.2, "the arm in motion")
+    probe.wait(probe.stands, "the arm at rest")
+    followed = stamps[-1] - stamps[0]
+    assert followed > 1.0
+    probe.arm_driver(False)
+    disarmed(probe)
+    until = len(stamps) + 50
+    probe.wait(lambda: len(stamps) > until, "states of the arm that is not armed")
+    steps = np.diff(stamps)
+    assert np.all(steps >= 0.0)
+    assert steps.max() < 0.5 * followed
 
 
 def test_a_driver_that_is_to_end_does_not_say_that_it_will_try_again(monkeypatch: pytest.MonkeyPatch) -> None:
