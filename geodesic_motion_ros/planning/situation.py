@@ -220,16 +220,40 @@ class Situation:
 
     @property
     def _required_to_go_on(self) -> Requirement:
-        """The requirement of what is being followed, and of it slowed down."""
+        """The requirement of what is being followed, and of it slowed down; an arm that has arrived makes room for what
+        comes.
+        """
         assert self.followed is not None
+        if self.at_rest:
+            return self.requirements.evasion
         return self.requirements.to_go_on(self.followed.purpose, self.followed.optimistic)
 
     def require_a_stop(self, plan: Plan) -> Plan:
-        """Return a plan, or its refusal where it may not be followed (`may_follow`)."""
-        if plan.trajectory is None or self._may_follow_plan(plan, self.limits):
+        """Return a plan, or its refusal where it may not be followed (`may_follow`), or where an arm that makes room
+        would be met at its end (`_is_met_at_end`).
+        """
+        if plan.trajectory is None:
             return plan
-        reason = "on the best path the arm could not stop any more where what moves may come to a stand"
+        if self._is_met_at_end(plan.trajectory.reference):
+            reason = f"at the end of the best path an obstacle would meet the arm within {self.settings.prediction:g} s"
+        elif not self._may_follow_plan(plan, self.limits):
+            reason = "on the best path the arm could not stop any more where what moves may come to a stand"
+        else:
+            return plan
         return Plan(None, plan.begin, Refusal(VerdictCode.NO_FEASIBLE_PATH, reason, plan.verdict.figures))
+
+    def _is_met_at_end(self, reference: JointReference) -> bool:
+        """Whether an arm that makes room, or has arrived, would be met where a reference ends, within the prediction:
+        it would have to leave again. Another arm goes there all the same, and loses no time.
+        """
+        followed, left = self.followed, self.settings.prediction - reference.duration
+        arrived = self.at_rest and followed is not None and followed.purpose is Purpose.GOAL
+        evades = followed is not None and followed.purpose is Purpose.EVASION
+        if not (arrived or evades) or left <= 0.0 or self.expected_obstacles.is_static or not self.settings.avoidance:
+            return False
+        standing = self.certifier.sweep(JointReference.standing(reference.positions[-1], reference.latent[-1]))
+        obstacles = self.expected_obstacles.at(self.state.time + reference.duration, self.settings.prediction)
+        return bool(self.certifier.assess(standing, obstacles, self.requirements.evasion.until(left))[1])
 
     def _may_follow_plan(self, plan: Plan, limits: JointLimits) -> bool:
         assert plan.trajectory is not None

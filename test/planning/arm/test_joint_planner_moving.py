@@ -184,6 +184,35 @@ def test_an_arm_that_has_no_path_evades_what_comes_to_where_it_stands(
     assert stream.off(goal) < 1e-9
 
 
+@pytest.mark.parametrize("velocity", [(0.0, -0.05, 0.0), (0.0, 0.0, -0.2)])
+def test_an_arm_that_has_arrived_makes_room_for_what_comes_and_returns(
+    stream, goal, nominal, least_clearance, velocity
+) -> None:
+    """The control: the arm at its goal would be hit."""
+    planner = stream.planner
+    stream.run(1.2 * nominal.duration)
+    assert stream.off(goal) < 1e-9
+    (hand, _), radius, speed = planner.robot.forward(goal), 0.04, np.linalg.norm(velocity)
+    met = stream.now + 0.6 / speed
+
+    def passing() -> np.ndarray:
+        return hand + (stream.now - met) * np.array(velocity)
+
+    least = hit = np.inf
+    while stream.now < met + 0.35 / speed:
+        planner.set_obstacles(passing()[None], np.array([radius]), np.array([velocity]), stream.now)
+        stream.run(stream.period)
+        sphere = passing()[None], np.array([radius])
+        least = min(least, least_clearance(stream.postures[-1:], sphere))
+        hit = min(hit, least_clearance([goal], sphere))
+    assert hit < 0.0 < least
+    assert max(stream.jumps) < 1e-6
+    planner.take_obstacles(Obstacles.none())
+    plan = stream.run(2.0 * nominal.duration)[-1]
+    assert plan.verdict.ok, plan.verdict.reason
+    assert stream.off(goal) < 1e-9
+
+
 def test_an_arm_that_can_only_evade_narrowly_does(stream, start, goal, nominal, least_clearance) -> None:
     """What is coming is first seen 2 cm beside the hand, where the arm has stopped halfway. The control: the arm as it
     stands would be hit. Of what comes for longer than this prediction there is no place free nearby.
