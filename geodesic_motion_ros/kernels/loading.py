@@ -15,6 +15,7 @@ from geodesic_motion_ros.geometry.task_frame import TaskFrame
 from geodesic_motion_ros.motion.evasion_motion import evasion_beside_graph
 from geodesic_motion_ros.motion.plan import MotionState
 from geodesic_motion_ros.motion.played import FollowedPlan, PlayedTrajectory
+from geodesic_motion_ros.motion.retry import Workings
 from geodesic_motion_ros.obstacles.obstacles import Obstacles
 from geodesic_motion_ros.planning.planner import ReactivePlanner
 from geodesic_motion_ros.planning.situation import Situation
@@ -53,7 +54,7 @@ def load_kernels(planner: ReactivePlanner) -> None:
     if planner.may_detour:
         arm.detours.find(query, obstacles, _REACH)
         standing = JointReference.standing(start, query.start_latent)
-        evasion_beside_graph(solver, query, state, obstacles, standing, _REACH)
+        evasion_beside_graph(solver, query, state, obstacles, standing, _REACH, Workings())
     plan = solver.solve(query, state, obstacles, solver.cautious_attempts)
     if plan.trajectory is None:
         return

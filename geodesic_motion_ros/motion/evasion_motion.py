@@ -35,26 +35,33 @@ def evasion_on_graph(
     """Return a certified motion to a place on the graph nearby, to which no obstacle is expected to come; None where
     none is found in time.
 
-    An arm in motion stops first, as it can go back then, or else sets out as it moves.
+    An arm in motion stops first, as it can go back then, or else sets out as it moves. A search that was out of time is
+    gone on with by the next one, which begins with the targets that it did not try.
 
     stop : the soonest stop from the state. workings : as of `solve`.
     """
     requirement = solver.requirements.evasion
     evaluation = solver.evaluation(query, obstacles.swept(requirement.horizon))
-    apart = requirement.searched.of()
-    for begin, first in _begins(solver, state, obstacles, stop):
-        start = latent_start(query, begin)
-        for path in paths_to_targets(solver.graph, query, start, evaluation, constants.EVASION_STEPS, apart):
-            timed = workings.time_path(solver.timer, query, begin, path, False, math.inf)
-            if not isinstance(timed, Refusal):
-                whole = timed.reference if first is None else joined(first, 0.0, timed.reference, first.duration)
-                swept = solver.certifier.sweep(whole)
-                certificate, objection = solver.certifier.assess_leaving(swept, obstacles, requirement, stop)
-                figures = solver.judge(query, path, timed, certificate, objection)
-                if not isinstance(figures, Refusal):
-                    return Plan(solver.certifier.judge(whole, certificate), state.time, Verdict(figures=figures))
-            if deadline.passed:
-                return None
+    apart, tried = requirement.searched.of(), workings.evasions.pop("on_graph", 0)
+    targets = (
+        (begin, first, path)
+        for begin, first in _begins(solver, state, obstacles, stop)
+        for path in paths_to_targets(
+            solver.graph, query, latent_start(query, begin), evaluation, constants.EVASION_STEPS, apart
+        )
+    )
+    for number, (begin, first, path) in enumerate(islice(targets, tried, None), tried + 1):
+        timed = workings.time_path(solver.timer, query, begin, path, False, math.inf)
+        if not isinstance(timed, Refusal):
+            whole = timed.reference if first is None else joined(first, 0.0, timed.reference, first.duration)
+            swept = solver.certifier.sweep(whole)
+            certificate, objection = solver.certifier.assess_leaving(swept, obstacles, requirement, stop)
+            figures = solver.judge(query, path, timed, certificate, objection)
+            if not isinstance(figures, Refusal):
+                return Plan(solver.certifier.judge(whole, certificate), state.time, Verdict(figures=figures))
+        if deadline.passed:
+            workings.evasions["on_graph"] = number
+            return None
     return None
 
 
@@ -78,12 +85,14 @@ def evasion_beside_graph(
     obstacles: Obstacles,
     stop: JointReference,
     reach: float,
+    workings: Workings,
     deadline: Deadline = NEVER,
 ) -> Plan | None:
     """Return a certified motion to a place beside the graph, to which no obstacle comes soon; None where none is found
-    in time.
+    in time. A search that was out of time is gone on with by the next one.
 
-    stop : the soonest stop from the state. reach : how far the tool may be from what was demonstrated [m].
+    stop : the soonest stop from the state. reach : how far the tool may be from what was demonstrated [m]. workings :
+        as of `solve`.
     """
     latent = latent_start(query, state)[None]
     progress, _ = solver.graph.progress_map(latent)
@@ -97,14 +106,15 @@ def evasion_beside_graph(
     swept = obstacles.swept(requirement.horizon).beside(solver.scene.solids)
     arm, apart = ArmInScene.of(solver.robot, solver.collision, swept, seen), requirement.searched.of()
     targets = displaced_paths(solver.robot, arm, state.position, undisplaced, left, apart)
-    for curve in islice(targets, constants.EVASION_DISPLACED):
-        if deadline.passed:
-            return None
+    tried = workings.evasions.pop("beside_graph", 0)
+    for number, curve in enumerate(islice(targets, tried, constants.EVASION_DISPLACED), tried + 1):
         timed = solver.timer.time_curve(state, JointCurve(curve, np.repeat(latent, len(curve), axis=0), 0.0))
-        if isinstance(timed, Refusal):
-            continue
-        certificate, met = solver.certifier.assess_leaving(timed.swept, obstacles, requirement, stop)
-        if not (met or solver.certifier.seen_objection(timed.swept, seen)):
-            verdict = Verdict(figures=Figures(clearance=float(np.min(certificate.clearance))))
-            return Plan(solver.certifier.judge(timed.reference, certificate), state.time, verdict)
+        if not isinstance(timed, Refusal):
+            certificate, met = solver.certifier.assess_leaving(timed.swept, obstacles, requirement, stop)
+            if not (met or solver.certifier.seen_objection(timed.swept, seen)):
+                verdict = Verdict(figures=Figures(clearance=float(np.min(certificate.clearance))))
+                return Plan(solver.certifier.judge(timed.reference, certificate), state.time, verdict)
+        if deadline.passed:
+            workings.evasions["beside_graph"] = number
+            return None
     return None

@@ -85,16 +85,19 @@ class Workings:
     Attributes
     ----------
     begun : what a search has evaluated that was out of time; None: none was.
+    evasions : how many targets a search of an evasion has tried that was out of time, on the graph and beside it.
     timed_from : the query and the state of motion of `motions`: the motion along each path that was timed.
     """
 
     begun: BegunSearch | None = None
+    evasions: dict[str, int] = field(default_factory=dict)
     timed_from: tuple[ArmQuery, MotionState] | None = None
     motions: dict[tuple[bytes, bool, float], TimedPath | Refusal] = field(default_factory=dict)
 
     def copy(self) -> Workings:
         """Return the same, for one tick to go on with."""
-        return Workings(None if self.begun is None else self.begun.copy(), self.timed_from, dict(self.motions))
+        begun = None if self.begun is None else self.begun.copy()
+        return Workings(begun, dict(self.evasions), self.timed_from, dict(self.motions))
 
     def take_begun(self, body: NodeBody, obstacles: Obstacles) -> BegunSearch | None:
         """Take the search of a body among obstacles that was out of time; None where there is none."""

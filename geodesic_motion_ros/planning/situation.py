@@ -179,6 +179,25 @@ class Situation:
             self._met_without_evasion[required] = not objection
         return self._met_without_evasion[required]
 
+    @property
+    def is_evading(self) -> bool:
+        """Whether the arm evades."""
+        return self.followed is not None and self.followed.purpose is Purpose.EVASION
+
+    @property
+    def evades_for_now(self) -> bool:
+        """Whether an arm that evades is not met soon where it goes, and later than if it stopped: there is time yet to
+        search a better evasion.
+        """
+        if not self.is_evading:
+            return False
+        required, soon = self.requirements.evasion, self.requirements.beside_graph.horizon
+        going, stopping = (
+            self.certifier.first_objection(self.certifier.assess(swept, self.expected_obstacles, required)[0])
+            for swept in (self.remaining_sweep, self.stop.swept)
+        )
+        return going is None or (going >= soon and stopping is not None and stopping < going)
+
     @cached_property
     def _met_without_evasion(self) -> dict[Requirement, bool]:
         return {}
@@ -213,8 +232,8 @@ class Situation:
 
     def _assess_rest(self, required: Requirement) -> tuple[Certificate, str]:
         """Assess the rest of what is being played; an evasion may leave what touches the arm already."""
-        swept, obstacles, followed = self.remaining_sweep, self.expected_obstacles, self.followed
-        if followed is None or followed.purpose is not Purpose.EVASION or self.at_rest:
+        swept, obstacles = self.remaining_sweep, self.expected_obstacles
+        if not self.is_evading or self.at_rest:
             return self.certifier.assess(swept, obstacles, required)
         return self.certifier.assess_leaving(swept, obstacles, required, self.stop.reference)
 
@@ -248,8 +267,7 @@ class Situation:
         """
         followed, left = self.followed, self.settings.prediction - reference.duration
         arrived = self.at_rest and followed is not None and followed.purpose is Purpose.GOAL
-        evades = followed is not None and followed.purpose is Purpose.EVASION
-        if not (arrived or evades) or left <= 0.0 or self.expected_obstacles.is_static or not self.settings.avoidance:
+        if not (arrived or self.is_evading) or left <= 0.0 or self.expected_obstacles.is_static or not self.settings.avoidance:
             return False
         standing = self.certifier.sweep(JointReference.standing(reference.positions[-1], reference.latent[-1]))
         obstacles = self.expected_obstacles.at(self.state.time + reference.duration, self.settings.prediction)
@@ -342,14 +360,16 @@ class Situation:
 
     def go_on_evading(self) -> Step | None:
         """Return the step in which an arm goes on evading, where there is no time to search another path: as long as
-        the rest of the evasion path is free, and the arm can still stop on it. None where that is not so, where no
-        obstacle moves any more, or where the arm does not evade.
+        the rest of the evasion path is free, or is for now, and it can still stop. None where that is not so, where no obstacle moves any more, or
+        where the arm does not evade.
         """
         followed = self.followed
-        if followed is None or followed.purpose is not Purpose.EVASION or self.obstacles.is_static:
+        if followed is None or not self.is_evading or self.obstacles.is_static or not self.may_follow(self.played):
             return None
-        clearance = self.remaining_clearance()
-        return None if clearance is None else self.go_on(followed.verdict.with_figures(clearance=clearance))
+        certificate, objection = self._assess_rest(self.requirements.evasion)
+        if objection and not self.evades_for_now:
+            return None
+        return self.go_on(followed.verdict.with_figures(clearance=float(np.min(certificate.clearance))))
 
     def go_on_approaching(self, query: ArmQuery, verdict: Verdict) -> Step | None:
         """Return the step in which an arm goes on with its approach to a query's goal, as long as the rest of it is

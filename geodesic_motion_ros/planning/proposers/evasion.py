@@ -58,8 +58,8 @@ class Evasion(Proposer):
     def propose(self, turn: Turn) -> Turn:
         """Begin an evasion path; the plan's verdict states why there is no path, and that the arm evades.
 
-        Where none is found, or none is needed, the arm stops along its path. An arm that evades already, and is free
-        where it leads, goes on.
+        Where none is found, or none is needed, the arm stops along its path. An arm that evades already goes on, where
+        that leads it free, or leaves it time (`Situation.evades_for_now`).
         """
         situation, solver, searches = turn.situation, turn.arm.solver, turn.memory.past_searches
         if turn.step is not None or situation.deadline.passed:
@@ -67,11 +67,11 @@ class Evasion(Proposer):
         free, required = _assessed(turn, searches)
         while required is not None:
             state, obstacles, deadline = situation.state, situation.expected_obstacles, situation.deadline
-            stop = situation.stop.reference
+            stop, workings = situation.stop.reference, turn.memory.workings
             if required == BESIDE_GRAPH:
-                plan = self.beside_graph(solver, turn.query, state, obstacles, stop, situation.reach, deadline)
+                plan = self.beside_graph(solver, turn.query, state, obstacles, stop, situation.reach, workings, deadline)
             else:
-                plan = self.on_graph(solver, turn.query, state, obstacles, stop, turn.memory.workings, deadline)
+                plan = self.on_graph(solver, turn.query, state, obstacles, stop, workings, deadline)
             if plan is not None:
                 return _begun(replace(turn, memory=replace(turn.memory, past_searches=searches)), plan)
             if deadline.passed:
@@ -79,8 +79,8 @@ class Evasion(Proposer):
                 break
             searches = {**searches, required: PastSearch(Question(turn.query, situation.obstacles), situation.now)}
             free, required = _assessed(turn, searches)
-        evading = situation.followed is not None and situation.followed.purpose is Purpose.EVASION
-        step = situation.go_on(turn.verdict.with_remark(_EVADING)) if free and evading else None
+        goes_on = situation.evades_for_now or (free and situation.is_evading)
+        step = situation.go_on(turn.verdict.with_remark(_EVADING)) if goes_on else None
         return replace(turn, memory=replace(turn.memory, past_searches=searches), step=step)
 
 

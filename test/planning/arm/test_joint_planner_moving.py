@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from functools import partial
+from itertools import count
 
 import numpy as np
 import pytest
@@ -184,12 +185,17 @@ def test_an_arm_that_has_no_path_evades_what_comes_to_where_it_stands(
     assert stream.off(goal) < 1e-9
 
 
+@pytest.mark.parametrize("looks", [None, 4])
 @pytest.mark.parametrize("velocity", [(0.0, -0.05, 0.0), (0.0, 0.0, -0.2)])
 def test_an_arm_that_has_arrived_makes_room_for_what_comes_and_returns(
-    stream, goal, nominal, least_clearance, velocity
+    stream, goal, nominal, least_clearance, monkeypatch, velocity, looks
 ) -> None:
-    """The control: the arm at its goal would be hit."""
-    planner = stream.planner
+    """The control: the arm at its goal would be hit. looks : at the time, in a tick, after which that is over; None: a
+    tick has all the time it wants.
+    """
+    planner, tick = stream.planner, stream.planner.tick
+    if looks is not None:
+        monkeypatch.setattr(planner, "tick", lambda now: tick(now, Deadline(looks, count().__next__)))
     stream.run(1.2 * nominal.duration)
     assert stream.off(goal) < 1e-9
     (hand, _), radius, speed = planner.robot.forward(goal), 0.04, np.linalg.norm(velocity)

@@ -67,6 +67,7 @@ class OneEvasionPath:
         obstacles: Obstacles,
         stop: JointReference,
         reach: float,
+        workings: Workings,
         deadline: Deadline,
     ) -> Plan | None:
         self.asked_beside += 1
