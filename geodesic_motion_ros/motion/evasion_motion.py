@@ -36,7 +36,7 @@ def evasion_on_graph(
     none is found in time.
 
     An arm in motion stops first, as it can go back then, or else sets out as it moves. A search that was out of time is
-    gone on with by the next one, which begins with the targets that it did not try.
+    resumed by the next one, which begins with the targets that it did not try.
 
     stop : the soonest stop from the state. workings : as of `solve`.
     """
@@ -89,7 +89,7 @@ def evasion_beside_graph(
     deadline: Deadline = NEVER,
 ) -> Plan | None:
     """Return a certified motion to a place beside the graph, to which no obstacle comes soon; None where none is found
-    in time. A search that was out of time is gone on with by the next one.
+    in time. The next search resumes one that was out of time.
 
     stop : the soonest stop from the state. reach : how far the tool may be from what was demonstrated [m]. workings :
         as of `solve`.

@@ -267,7 +267,9 @@ class Situation:
         """
         followed, left = self.followed, self.settings.prediction - reference.duration
         arrived = self.at_rest and followed is not None and followed.purpose is Purpose.GOAL
-        if not (arrived or self.is_evading) or left <= 0.0 or self.expected_obstacles.is_static or not self.settings.avoidance:
+        if not (arrived or self.is_evading) or not self.settings.avoidance:
+            return False
+        if left <= 0.0 or self.expected_obstacles.is_static:
             return False
         standing = self.certifier.sweep(JointReference.standing(reference.positions[-1], reference.latent[-1]))
         obstacles = self.expected_obstacles.at(self.state.time + reference.duration, self.settings.prediction)
@@ -360,8 +362,8 @@ class Situation:
 
     def go_on_evading(self) -> Step | None:
         """Return the step in which an arm goes on evading, where there is no time to search another path: as long as
-        the rest of the evasion path is free, or is for now, and it can still stop. None where that is not so, where no obstacle moves any more, or
-        where the arm does not evade.
+        the rest of the evasion path is free, or is for now (`evades_for_now`), and the arm can still stop on it. None
+        where that is not so, where no obstacle moves any more, or where the arm does not evade.
         """
         followed = self.followed
         if followed is None or not self.is_evading or self.obstacles.is_static or not self.may_follow(self.played):

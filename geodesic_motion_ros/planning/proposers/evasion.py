@@ -66,12 +66,12 @@ class Evasion(Proposer):
             return turn
         free, required = _assessed(turn, searches)
         while required is not None:
-            state, obstacles, deadline = situation.state, situation.expected_obstacles, situation.deadline
-            stop, workings = situation.stop.reference, turn.memory.workings
+            deadline, workings = situation.deadline, turn.memory.workings
+            given = solver, turn.query, situation.state, situation.expected_obstacles, situation.stop.reference
             if required == BESIDE_GRAPH:
-                plan = self.beside_graph(solver, turn.query, state, obstacles, stop, situation.reach, workings, deadline)
+                plan = self.beside_graph(*given, situation.reach, workings, deadline)
             else:
-                plan = self.on_graph(solver, turn.query, state, obstacles, stop, workings, deadline)
+                plan = self.on_graph(*given, workings, deadline)
             if plan is not None:
                 return _begun(replace(turn, memory=replace(turn.memory, past_searches=searches)), plan)
             if deadline.passed:
