@@ -59,7 +59,7 @@ class Evasion(Proposer):
         """Begin an evasion path; the plan's verdict states why there is no path, and that the arm evades.
 
         Where none is found, or none is needed, the arm stops along its path. An arm that evades already goes on, where
-        that leads it free, or leaves it time (`Situation.evades_for_now`).
+        that leads it free, or where a search was out of time and there is some left (`Situation.evades_for_now`).
         """
         situation, solver, searches = turn.situation, turn.arm.solver, turn.memory.past_searches
         if turn.step is not None or situation.deadline.passed:
@@ -79,7 +79,8 @@ class Evasion(Proposer):
                 break
             searches = {**searches, required: PastSearch(Question(turn.query, situation.obstacles), situation.now)}
             free, required = _assessed(turn, searches)
-        goes_on = situation.evades_for_now or (free and situation.is_evading)
+        # Where a search came to its end and found nothing, the arm stops in time.
+        goes_on = situation.evades_for_now if situation.deadline.passed else free and situation.is_evading
         step = situation.go_on(turn.verdict.with_remark(_EVADING)) if goes_on else None
         return replace(turn, memory=replace(turn.memory, past_searches=searches), step=step)
 
