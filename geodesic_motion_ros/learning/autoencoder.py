@@ -28,20 +28,28 @@ from geodesic_motion_ros.manifold.decoder import TaskSpaceDecoder
 from geodesic_motion_ros.manifold.joint_decoder import JointSpaceDecoder
 
 OrientationModel = Literal["two_cluster", "sign_blind", "none"]
+#: Deviation of progress while the means are learned: the other half of a stroke that retraces itself is far from it.
+PROGRESS_SIGMA = 0.05
 
 
 class Means(NamedTuple):
-    """Mean coordinates (..., p) [m] or [rad] and unit mean directions (..., o) of a batch of latent points."""
+    """Mean coordinates (..., p) [m] or [rad], unit mean directions (..., o), and mean progress (...), None of a model
+    that decodes none, of a batch of latent points.
+    """
 
     coordinates: Tensor
     directions: Tensor
+    progress: Tensor | None = None
 
 
 class Precisions(NamedTuple):
-    """Reciprocal deviations of coordinates (..., p) [1/m] or [1/rad] and concentrations (...) of directions, if any."""
+    """Reciprocal deviations of coordinates (..., p) [1/m] or [1/rad], concentrations (...) of directions, if any, and
+    reciprocal deviations (...) of progress, if that is decoded.
+    """
 
     inverse_sigma: Tensor
     kappa: Tensor | None
+    progress: Tensor | None = None
 
 
 @dataclass(frozen=True)
@@ -52,15 +60,18 @@ class FixedPrecisions:
     ----------
     sigma : standard deviation of every coordinate [m] or [rad].
     kappa : concentration of the directions; None: there are none.
+    progress : standard deviation of progress.
     """
 
     sigma: float
     kappa: float | None
+    progress: float = PROGRESS_SIGMA
 
     def __call__(self, latent: Tensor) -> Precisions:
         like = latent[..., 0]
         kappa = None if self.kappa is None else torch.full_like(like, self.kappa)
-        return Precisions(torch.full_like(like, 1.0 / self.sigma)[..., None], kappa)
+        inverse_sigma = torch.full_like(like, 1.0 / self.sigma)[..., None]
+        return Precisions(inverse_sigma, kappa, torch.full_like(like, 1.0 / self.progress))
 
 
 class EncoderNetwork(nn.Module):
@@ -71,24 +82,41 @@ class EncoderNetwork(nn.Module):
     latent_dimension : d.
     hidden : units of the hidden layers, from the output space inwards.
     offset, scale : coordinates enter as (x - offset) / scale; offset (p,), scale () [m] or [rad].
-    direction : o, the numbers of a direction.
+    direction : o, the numbers of a direction. progress : whether it reads how far along a demonstration a sample is.
     """
 
     def __init__(
-        self, latent_dimension: int, hidden: Sequence[int], offset: Tensor, scale: Tensor, direction: int = 0
+        self,
+        latent_dimension: int,
+        hidden: Sequence[int],
+        offset: Tensor,
+        scale: Tensor,
+        direction: int = 0,
+        progress: bool = False,
     ) -> None:
         super().__init__()
         self.register_buffer("offset", offset)
         self.register_buffer("scale", scale)
-        self.direction = direction
-        self.perceptron = MultilayerPerceptron([len(offset) + direction, *hidden, 2 * latent_dimension])
+        self.direction, self.progress = direction, progress
+        self.perceptron = MultilayerPerceptron([len(offset) + direction + progress, *hidden, 2 * latent_dimension])
 
-    def forward(self, coordinates: Tensor, directions: Tensor | None = None) -> tuple[Tensor, Tensor]:
-        """Mean and log variance, both (..., d), of coordinates (..., p) [m] or [rad] and unit directions (..., o)."""
-        inputs = (coordinates - self.offset) / self.scale
+    def forward(
+        self, coordinates: Tensor, directions: Tensor | None = None, fractions: Tensor | None = None
+    ) -> tuple[Tensor, Tensor]:
+        """Mean and log variance, both (..., d), of coordinates (..., p) [m] or [rad] and unit directions (..., o).
+
+        fractions : (...) of the arc, which an encoder that knows progress reads; None: these are whole curves
+            (..., T, p), equally spaced along their arcs.
+        """
+        inputs = [(coordinates - self.offset) / self.scale]
         if directions is not None:
-            inputs = torch.cat([inputs, directions], dim=-1)
-        mean, log_variance = self.perceptron(inputs).chunk(2, dim=-1)
+            inputs.append(directions)
+        if self.progress:
+            if fractions is None:
+                along = torch.linspace(0.0, 1.0, coordinates.shape[-2]).to(coordinates)
+                fractions = along.expand(coordinates.shape[:-1])
+            inputs.append(2.0 * fractions[..., None] - 1.0)
+        mean, log_variance = self.perceptron(torch.cat(inputs, dim=-1)).chunk(2, dim=-1)
         return mean, log_variance
 
     def arrays(self) -> dict[str, np.ndarray]:
@@ -107,26 +135,35 @@ class DecoderNetwork(nn.Module):
     latent_dimension : d.
     hidden : units of the hidden layers, from the latent space outwards.
     offset, scale : mean coordinates are offset (p,) + scale () times the network's first p outputs, [m] or [rad].
-    direction : o, the numbers of a direction.
+    direction : o, the numbers of a direction. progress : whether it decodes progress besides, (1 + last output) / 2.
 
     `precisions` has to be given its radial-basis networks (`set_precisions`) before sigma and kappa are known.
     """
 
     def __init__(
-        self, latent_dimension: int, hidden: Sequence[int], offset: Tensor, scale: Tensor, direction: int = 0
+        self,
+        latent_dimension: int,
+        hidden: Sequence[int],
+        offset: Tensor,
+        scale: Tensor,
+        direction: int = 0,
+        progress: bool = False,
     ) -> None:
         super().__init__()
         self.register_buffer("offset", offset)
         self.register_buffer("scale", scale)
-        self.direction = direction
-        self.perceptron = MultilayerPerceptron([latent_dimension, *hidden, len(offset) + direction])
+        self.direction, self.decodes_progress = direction, progress
+        self.perceptron = MultilayerPerceptron([latent_dimension, *hidden, len(offset) + direction + progress])
         self.inverse_sigma: RadialBasisNetwork | None = None
         self.kappa: RadialBasisNetwork | None = None
+        self.progress: RadialBasisNetwork | None = None
 
     def means(self, latent: Tensor) -> Means:
         """Mean coordinates and directions at latent points (..., d)."""
         outputs, p = self.perceptron(latent), len(self.offset)
-        return Means(self.offset + self.scale * outputs[..., :p], nn.functional.normalize(outputs[..., p:], dim=-1))
+        directions = nn.functional.normalize(outputs[..., p : p + self.direction], dim=-1)
+        progress = 0.5 * (1.0 + outputs[..., -1]) if self.decodes_progress else None
+        return Means(self.offset + self.scale * outputs[..., :p], directions, progress)
 
     def precisions(self, latent: Tensor) -> Precisions:
         """1 / sigma and kappa at latent points (..., d)."""
@@ -135,11 +172,19 @@ class DecoderNetwork(nn.Module):
     def combined_precisions(self, activations: Tensor) -> Precisions:
         """1 / sigma and kappa from the activations (..., K) of the kernels that both networks share."""
         kappa = None if self.kappa is None else self.kappa.combine(activations)[..., 0]
-        return Precisions(self.inverse_sigma.combine(activations), kappa)
+        progress = None if self.progress is None else self.progress.combine(activations)[..., 0]
+        return Precisions(self.inverse_sigma.combine(activations), kappa, progress)
 
-    def set_precisions(self, inverse_sigma: RadialBasisNetwork, kappa: RadialBasisNetwork | None = None) -> None:
-        """Install the radial-basis networks, which must have the same centres and rate; kappa for directions alone."""
-        self.inverse_sigma, self.kappa = inverse_sigma, kappa
+    def set_precisions(
+        self,
+        inverse_sigma: RadialBasisNetwork,
+        kappa: RadialBasisNetwork | None = None,
+        progress: RadialBasisNetwork | None = None,
+    ) -> None:
+        """Install the radial-basis networks, which must have the same centres and rate; kappa for directions alone, and
+        one for progress where that is decoded.
+        """
+        self.inverse_sigma, self.kappa, self.progress = inverse_sigma, kappa, progress
 
     def to_numpy(self) -> TaskSpaceDecoder | JointSpaceDecoder:
         """The same decoder without torch, as skills store it."""
@@ -148,6 +193,11 @@ class DecoderNetwork(nn.Module):
             "rbf_centres": as_array(self.inverse_sigma.centres), "rbf_rate": as_array(self.inverse_sigma.rate),
             "sigma_weights": as_array(self.inverse_sigma.weights), "sigma_floor": as_array(self.inverse_sigma.floor),
         }  # fmt: skip
+        if self.progress is not None:
+            arrays |= {
+                "progress_weights": as_array(self.progress.weights[0]),
+                "progress_floor": as_array(self.progress.floor[0]),
+            }
         if self.kappa is None:
             return JointSpaceDecoder(**arrays)
         kappa_weights, kappa_floor = as_array(self.kappa.weights[0]), as_array(self.kappa.floor[0])
@@ -158,7 +208,8 @@ class DecoderNetwork(nn.Module):
         """The differentiable twin (float64) of a skill's decoder of poses, for metrics and continuous geodesics."""
         tensors = {name: torch.tensor(value) for name, value in decoder.arrays().items()}
         scaling = tensors["position_offset"], tensors["position_scale"]
-        network = cls(decoder.latent_dimension, [len(decoder.b1), len(decoder.b2)], *scaling, direction=4).double()
+        hidden = [len(decoder.b1), len(decoder.b2)]
+        network = cls(decoder.latent_dimension, hidden, *scaling, 4, decoder.decodes_progress).double()
         with torch.no_grad():
             for layer, number in zip(network.perceptron.layers, "123", strict=True):
                 layer.weight.copy_(tensors["W" + number])
@@ -166,6 +217,9 @@ class DecoderNetwork(nn.Module):
         network.set_precisions(
             _basis_network(tensors, tensors["sigma_weights"], tensors["sigma_floor"]),
             _basis_network(tensors, tensors["kappa_weights"][None], tensors["kappa_floor"][None]),
+            _basis_network(tensors, tensors["progress_weights"][None], tensors["progress_floor"][None])
+            if decoder.decodes_progress
+            else None,
         )
         return network.requires_grad_(False)
 
@@ -182,6 +236,7 @@ class AutoEncoder(nn.Module):
         two separate clusters. "sign_blind": the mixture 1/2 vMF(mu_q) + 1/2 vMF(-mu_q), under which q and -q are the
         same observation. "none": there are no directions.
     direction : o, the numbers of a direction.
+    progress : whether the encoder reads, and the decoder decodes, how far along its demonstration a sample is.
     """
 
     def __init__(
@@ -192,27 +247,36 @@ class AutoEncoder(nn.Module):
         scale: Tensor,
         orientation_model: OrientationModel = "none",
         direction: int = 0,
+        progress: bool = False,
     ) -> None:
         super().__init__()
-        self.encoder = EncoderNetwork(latent_dimension, hidden, offset, scale, direction)
-        self.decoder = DecoderNetwork(latent_dimension, list(reversed(hidden)), offset, scale, direction)
+        self.encoder = EncoderNetwork(latent_dimension, hidden, offset, scale, direction, progress)
+        self.decoder = DecoderNetwork(latent_dimension, list(reversed(hidden)), offset, scale, direction, progress)
         self.orientation_model = orientation_model
 
     def coordinate_log_density(self, coordinates: Tensor, means: Means, precisions: Precisions) -> Tensor:
         """log p(x | z) (...)."""
         return gaussian_log_density(coordinates, means.coordinates, precisions.inverse_sigma.expand_as(coordinates))
 
+    def progress_log_density(self, fractions: Tensor, means: Means, precisions: Precisions) -> Tensor | float:
+        """log p(s | z) (...); 0 of a model that decodes no progress."""
+        if means.progress is None:
+            return 0.0
+        return gaussian_log_density(fractions[..., None], means.progress[..., None], precisions.progress[..., None])
+
     def direction_log_density(self, directions: Tensor, means: Means, precisions: Precisions) -> Tensor:
         """log p(q | z) (...) under the model's density of directions."""
         density = antipodal_log_density if self.orientation_model == "sign_blind" else von_mises_fisher_log_density
         return density(directions, means.directions, precisions.kappa)
 
-    def sample(self, coordinates: Tensor, directions: Tensor | None = None) -> tuple[Tensor, Tensor, Tensor]:
+    def sample(
+        self, coordinates: Tensor, directions: Tensor | None = None, fractions: Tensor | None = None
+    ) -> tuple[Tensor, Tensor, Tensor]:
         """z ~ q(z | x, q), and the mean and log variance of that density, all (..., d).
 
         The noise comes from the global generator.
         """
-        mean, log_variance = self.encoder(coordinates, directions)
+        mean, log_variance = self.encoder(coordinates, directions, fractions)
         return mean + torch.exp(0.5 * log_variance) * torch.randn_like(mean), mean, log_variance
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -54,7 +55,7 @@ def assemble_skill(vae: AutoEncoder, shown: ShownTask, name: str, provenance: di
         latent_lower=flat.min(axis=0) - border,
         latent_upper=flat.max(axis=0) + border,
         sigma_support=float(np.percentile(rms_sigma(decoder.decode(flat).sigma), SUPPORT_PERCENTILE)),
-        metric=settings.metric,
+        metric=replace(settings.metric, progress_length=shown.progress_length(curves)),
         canonical=canonical,
         orientation_model=shown.orientation_model,
     )

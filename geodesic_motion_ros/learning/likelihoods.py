@@ -17,6 +17,8 @@ from geodesic_motion_ros.robot.kinematics import Robot
 
 #: How far beside the tool points are watched while learning [m]: a turn by a radian counts so much.
 TOOL_AXES = 0.1
+#: Progress is no more exact than this: how far along two people are at the same place of a task is not.
+PROGRESS_RESOLUTION = 0.005
 
 
 class Samples(NamedTuple):
@@ -28,12 +30,14 @@ class Samples(NamedTuple):
     directions : (n, o) unit quaternions; None of configurations.
     points : (n, K, 3) of the body [m]; None of poses.
     prior_means : (n, d) of their latent points.
+    fractions : (n,) of the arc at which they lie.
     """
 
     coordinates: Tensor
     directions: Tensor | None
     points: Tensor | None
     prior_means: Tensor
+    fractions: Tensor
 
     def take(self, index: Tensor) -> Samples:
         """Choose samples by their index."""
@@ -71,7 +75,8 @@ class PoseLikelihood:
         axes = samples.directions.shape[-1] - 1
         orientation = vae.direction_log_density(samples.directions, means, precisions)
         orientation = orientation - 0.5 * axes * (0.5 * settings.angular_resolution) ** 2 * precisions.kappa
-        return settings.position_weight * position + settings.orientation_weight * orientation
+        weighted = settings.position_weight * position + settings.orientation_weight * orientation
+        return weighted + _resolved_progress(vae, samples, means, precisions)
 
     #: The means are learned by the same.
     bound_log_density = log_density
@@ -91,7 +96,8 @@ class ConfigurationLikelihood:
 
     def log_density(self, vae: AutoEncoder, samples: Samples, means: Means, precisions: Precisions) -> Tensor:
         """Compute log p(theta | z) (n,), in expectation over errors of the recording's resolution."""
-        return _resolved_log_density(vae, samples, means, precisions, self.settings.joint_resolution)
+        joints = _resolved_log_density(vae, samples, means, precisions, self.settings.joint_resolution)
+        return joints + _resolved_progress(vae, samples, means, precisions)
 
     def bound_log_density(self, vae: AutoEncoder, samples: Samples, means: Means, precisions: Precisions) -> Tensor:
         """Compute what the means are learned by, (n,): the body's points and its volume count as well."""
@@ -133,3 +139,11 @@ def _resolved_log_density(
     inverse_sigma = precisions.inverse_sigma.expand_as(samples.coordinates)
     density = vae.coordinate_log_density(samples.coordinates, means, precisions)
     return density - 0.5 * resolution**2 * (inverse_sigma**2).sum(-1)
+
+
+def _resolved_progress(vae: AutoEncoder, samples: Samples, means: Means, precisions: Precisions) -> Tensor | float:
+    """log p(s | z) (n,), in expectation over errors of PROGRESS_RESOLUTION; 0 of a model that decodes no progress."""
+    if means.progress is None:
+        return 0.0
+    density = vae.progress_log_density(samples.fractions, means, precisions)
+    return density - 0.5 * (PROGRESS_RESOLUTION * precisions.progress) ** 2

@@ -18,7 +18,10 @@ if TYPE_CHECKING:
 #: The paper has no term of the joints alone; so little is none, and keeps every tensor positive [m].
 _NO_JOINT_WEIGHT = 1e-6
 #: Numbers that may be 0; all others are positive.
-_MAY_BE_ZERO = {"seed", "blends", "kl_weight", "kl_warm_up", "margin", "metric.sigma_weight"}
+_MAY_BE_ZERO = {
+    "seed", "progress_share", "blends", "kl_weight", "kl_warm_up", "margin", "metric.sigma_weight",
+    "metric.progress_length",
+}  # fmt: skip
 _POSES_MAY_BE_ZERO = _MAY_BE_ZERO | {
     "orientation_weight", "rotation_length", "position_resolution", "angular_resolution",
 }  # fmt: skip
@@ -44,6 +47,8 @@ class CommonSettings:
     kl_weight, kl_warm_up : weight of the divergence in the evidence lower bound (the paper: 1), and the fraction of the
         steps over which it grows from 0.
     progress_deviation : of the canonical sheet's prior along the strip.
+    progress_share : of the mean length of the demonstrations that the whole of the progress counts in the metric of the
+        canonical sheet.
     blends : random convex combinations of canonical demonstrations of one mode that are learned besides each. They
         fill the sheet between the demonstrations: sigma is as small there as on them.
     fixed_sigma : likelihood scale of coordinates while the means are learned [m] or [rad].
@@ -68,6 +73,7 @@ class CommonSettings:
     kl_weight: float = 0.3
     kl_warm_up: float = 0.2
     progress_deviation: float = 0.2
+    progress_share: float = 0.25
     blends: int = 2
     fixed_sigma: float = 0.005
     kernels: int = 500
@@ -76,6 +82,11 @@ class CommonSettings:
     precision_iterations: int = 200
     far_sigma: float = 1.0
     margin: float = 0.05
+
+    @property
+    def knows_progress(self) -> bool:
+        """Whether the encoder reads how far along its demonstration a sample is: on the canonical sheet."""
+        return self.sheet == "canonical"
 
     def _check_choices(self, **choices: tuple[str, ...]) -> None:
         for name, allowed in {"sheet": ("canonical", "raw"), "schedule": ("two_stage", "joint"), **choices}.items():

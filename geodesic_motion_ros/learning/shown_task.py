@@ -80,6 +80,18 @@ class ShownTask(ABC):
     def ends(self, curves: Curves) -> tuple[np.ndarray, np.ndarray]:
         """Choose the mean first and last tool pose (7,) of the task; on the raw sheet of its coded curves."""
 
+    def progress_length(self, curves: Curves) -> float:
+        """Choose what the whole of the progress counts in the metric [m]: a share of how far the tool moves in coded
+        curves; 0 on the raw sheet.
+        """
+        if not self.settings.knows_progress:
+            return 0.0
+        positions, _ = self.tool_poses(curves)
+        positions = positions.reshape(*curves[0].shape[:2], 3)
+        return self.settings.progress_share * float(
+            np.linalg.norm(np.diff(positions, axis=1), axis=-1).sum(axis=1).mean()
+        )
+
     @abstractmethod
     def tool_poses(self, values: Curves | Means) -> tuple[np.ndarray, np.ndarray]:
         """Find the tool's positions (..., 3) [m] and quaternions (..., 4) in points of the space."""
@@ -126,7 +138,7 @@ class ShownPoses(ShownTask):
         return mean_ends(*curves) if self._form is None else (self._form.start, self._form.goal)
 
     def tool_poses(self, values: Curves | Means) -> tuple[np.ndarray, np.ndarray]:
-        positions, quaternions = map(np.asarray, values)
+        positions, quaternions = map(np.asarray, values[:2])
         return positions, quaternions
 
     @staticmethod

@@ -22,7 +22,7 @@ from torch import Tensor
 
 from geodesic_motion_ros.demonstrations.demonstrations import Demonstrations
 from geodesic_motion_ros.demonstrations.joint_demonstrations import JointDemonstrations
-from geodesic_motion_ros.learning.autoencoder import AutoEncoder, FixedPrecisions, Precisions
+from geodesic_motion_ros.learning.autoencoder import PROGRESS_SIGMA, AutoEncoder, FixedPrecisions, Precisions
 from geodesic_motion_ros.learning.calibration import assemble_skill
 from geodesic_motion_ros.learning.densities import divergence_from_normal
 from geodesic_motion_ros.learning.likelihoods import Likelihood, Samples
@@ -88,7 +88,7 @@ def train_model(curves: Curves, likelihood: Likelihood, progress: Progress | Non
         scaling = _scaling(coordinates)
         vae = AutoEncoder(
             settings.latent_dimension, settings.hidden, *scaling, likelihood.orientation_model,
-            sum(values.shape[1] for values in directions),
+            sum(values.shape[1] for values in directions), settings.knows_progress,
         )  # fmt: skip
         points = likelihood.points(coordinates)
         samples = Samples(
@@ -96,6 +96,7 @@ def train_model(curves: Curves, likelihood: Likelihood, progress: Progress | Non
             torch.tensor(directions[0]).float() if directions else None,
             None if points is None else points.float(),
             torch.tensor(prior_means(fractions, settings)).float(),
+            torch.tensor(fractions).float(),
         )
         if likelihood.orientation_model == "sign_blind":
             _start_on_one_side(vae, samples)
@@ -145,7 +146,7 @@ def _ascend(
 
     def loss(step: int) -> Tensor:
         batch = samples.take(torch.randint(len(samples.coordinates), (settings.batch,)))
-        latent, mean, log_variance = vae.sample(batch.coordinates, batch.directions)
+        latent, mean, log_variance = vae.sample(batch.coordinates, batch.directions, batch.fractions)
         divergence = divergence_from_normal(mean, log_variance, batch.prior_means, variance)
         density = likelihood.bound_log_density(vae, batch, vae.decoder.means(latent), precisions(latent))
         warm = min(1.0, step / max(1.0, settings.kl_warm_up * steps))
@@ -161,8 +162,8 @@ def _fit_jointly(vae: AutoEncoder, samples: Samples, likelihood: Likelihood, pro
     networks = _basis_networks(vae, samples, likelihood)
     for network in networks:
         # They begin as the codes have settled under: a jump of the likelihood would throw them about.
-        network.start_level(vae.encoder(samples.coordinates, samples.directions)[0])
-    vae.decoder.set_precisions(*networks)
+        network.start_level(vae.encoder(samples.coordinates, samples.directions, samples.fractions)[0])
+    _install(vae, networks, likelihood)
     _ascend(vae, samples, vae.decoder.precisions, steps - first, "joint", likelihood, progress)
 
 
@@ -170,7 +171,7 @@ def _basis_networks(vae: AutoEncoder, samples: Samples, likelihood: Likelihood) 
     """Networks for 1 / sigma, and kappa if there is one, with kernels on the present codes, in their precision."""
     settings, like = likelihood.settings, {"dtype": samples.coordinates.dtype}
     with torch.no_grad():
-        codes = vae.encoder(samples.coordinates, samples.directions)[0].double().numpy()
+        codes = vae.encoder(samples.coordinates, samples.directions, samples.fractions)[0].double().numpy()
     centres = place_centres(codes, settings.kernels, settings.seed)
     centre = torch.tensor(centres, **like)
     rate = torch.tensor(kernel_rate(centres, codes, settings.bandwidth_factor), **like)
@@ -178,20 +179,29 @@ def _basis_networks(vae: AutoEncoder, samples: Samples, likelihood: Likelihood) 
     wanted = [(samples.coordinates.shape[1], 1.0 / settings.fixed_sigma, 1.0 / settings.far_sigma)]
     if likelihood.kappa is not None:
         wanted.append((1, *likelihood.kappa))
+    if settings.knows_progress:
+        wanted.append((1, 1.0 / PROGRESS_SIGMA, 1.0))
     return [
         RadialBasisNetwork(centre, rate, torch.full((outputs,), far, **like), torch.full((outputs,), at_data, **like))
         for outputs, at_data, far in wanted
     ]
 
 
+def _install(vae: AutoEncoder, networks: list[RadialBasisNetwork], likelihood: Likelihood) -> None:
+    """Give the decoder its networks: of `_basis_networks`, in their order."""
+    sigma, *others = networks
+    kappa = others.pop(0) if likelihood.kappa is not None else None
+    vae.decoder.set_precisions(sigma, kappa, *others)
+
+
 def _fit_precisions(vae: AutoEncoder, samples: Samples, likelihood: Likelihood, progress: Progress | None) -> None:
     """Maximum likelihood of sigma and kappa with the means frozen and z ~ q(z | x, q) drawn once."""
     settings, decoder = likelihood.settings, vae.decoder
     networks = _basis_networks(vae, samples, likelihood)
-    decoder.set_precisions(*networks)
+    _install(vae, networks, likelihood)
     drawn = samples.take(drawn_rows(len(samples.coordinates), settings.precision_samples))
     with torch.no_grad():
-        latent, _, _ = vae.sample(drawn.coordinates, drawn.directions)
+        latent, _, _ = vae.sample(drawn.coordinates, drawn.directions, drawn.fractions)
         means = decoder.means(latent)
         activations = networks[0].activations(latent)
 

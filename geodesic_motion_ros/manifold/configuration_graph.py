@@ -61,12 +61,14 @@ class JointMetricSettings:
     joint_weight : what a radian of a joint counts beside the body points' motion [m].
     orientation_weight : what the tool's unit quaternion counts beside the motion of one body point [m]; the paper: 1.
     point_spacing : body points are the joints, the tool, and points between on links that are longer than this [m].
+    progress_length : what the whole of the progress counts [m], where the model decodes it.
     """
 
     sigma_weight: float = 10.0
     joint_weight: float = 0.05
     point_spacing: float = 0.2
     orientation_weight: float = 0.0
+    progress_length: float = 0.0
 
     def body_points(self, robot: Robot) -> BodyPoints:
         """The robot's body points that the metric sees."""
@@ -177,10 +179,21 @@ class ConfigurationGraph(LatentGraph):
             [_both_pulled_back(jacobians[:, k] @ slopes) / len(self.body) for k in range(len(self.body))], axis=1
         )
         alone = self.metric.joint_weight**2 * _both_pulled_back(slopes)
+        alone += pulled_back(self._progress_slopes())
         if self._orientation_scale > 0.0:
             tool = tool_orientation_jacobians(self.configurations, self.robot) @ slopes
             alone += self._orientation_scale * _both_pulled_back(tool)
         return packed_tensors(shares, alone)
+
+    def _progress_slopes(self) -> np.ndarray:
+        """Derivatives (n, 2, d) of the features of progress, in units of the spacing; without any (n, 0, d)."""
+        given = self.metric.progress_length, self.metric.sigma_weight
+        steps = [
+            self.decoder.progress_features(self.latent + NUDGE * axis, *given)
+            - self.decoder.progress_features(self.latent - NUDGE * axis, *given)
+            for axis in np.diag(self.grid.spacing)
+        ]
+        return np.stack(steps, axis=2) / (2.0 * NUDGE)
 
     def sigma_at(self, latent: np.ndarray) -> np.ndarray:
         """Sigma (n, eta) [rad] at latent points (n, d)."""
@@ -246,6 +259,7 @@ def build_configuration_graph(
     sigma_fixed = metric.joint_weight**2 * np.sum(steps**2, axis=(1, 2))
     jacobians = body_point_jacobians(configurations, body.frames, body.offsets, robot.chain)
     sigma_shares = _projected_energies(edges, jacobians, steps)
+    sigma_fixed += decoder.progress_energies(latent, edges, metric.progress_length, metric.sigma_weight)
     orientation_scale = _orientation_scale(metric, body)
     if orientation_scale > 0.0:
         turning = tool_orientation_jacobians(configurations, robot)[:, None]

@@ -12,7 +12,7 @@ from typing import ClassVar
 import numpy as np
 
 from geodesic_motion_ros.geometry.quaternions import normalise
-from geodesic_motion_ros.manifold.perceptron import Perceptron
+from geodesic_motion_ros.manifold.progress_decoder import ProgressDecoder
 from geodesic_motion_ros.manifold.radial_basis import radial_basis
 from geodesic_motion_ros.utils.checked_numbers import SMALLEST_SCALE
 
@@ -41,11 +41,11 @@ class Decoded:
 
 
 @dataclass(frozen=True)
-class TaskSpaceDecoder(Perceptron):
+class TaskSpaceDecoder(ProgressDecoder):
     """p(x, q | z): two tanh layers for the means, RBF networks for sigma^-1 and kappa.
 
-    With the perceptron's outputs o (7) at y = z,
-    position = position_offset + position_scale * o[:3], quaternion = o[3:] / |o[3:]|,
+    With the perceptron's outputs o (7), or 8 with progress (`ProgressDecoder`), at y = z,
+    position = position_offset + position_scale * o[:3], quaternion = o[3:7] / |o[3:7]|,
     v_k = exp(-rbf_rate |z - c_k|^2), 1 / sigma = sigma_weights v + sigma_floor [1/m],
     kappa = kappa_weights v + kappa_floor. Weights of the RBF networks are positive, so sigma grows and kappa falls
     away from the data.
@@ -54,21 +54,16 @@ class TaskSpaceDecoder(Perceptron):
     network: ClassVar[str] = "decoder"
     lowest: ClassVar[dict[str, float]] = {
         "position_scale": SMALLEST_SCALE, "rbf_rate": SMALLEST_SCALE, "sigma_weights": 0.0, "kappa_weights": 0.0,
-        "sigma_floor": SMALLEST_SCALE, "kappa_floor": SMALLEST_SCALE,
+        "sigma_floor": SMALLEST_SCALE, "kappa_floor": SMALLEST_SCALE, "progress_weights": 0.0,
+        "progress_floor": SMALLEST_SCALE,
     }  # fmt: skip
 
     position_offset: np.ndarray
     position_scale: np.ndarray
-    rbf_centres: np.ndarray
-    rbf_rate: np.ndarray
     sigma_weights: np.ndarray
     sigma_floor: np.ndarray
     kappa_weights: np.ndarray
     kappa_floor: np.ndarray
-
-    @property
-    def latent_dimension(self) -> int:
-        return self.W1.shape[1]
 
     def decode(self, latent: np.ndarray) -> Decoded:
         """Decode latent points (n, d)."""
@@ -77,7 +72,7 @@ class TaskSpaceDecoder(Perceptron):
     def poses(self, latent: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """The means alone: positions (n, 3) [m] and quaternions (n, 4)."""
         out = self.outputs(latent)
-        return self.position_offset + self.position_scale * out[:, :3], normalise(out[:, 3:])
+        return self.position_offset + self.position_scale * out[:, :3], normalise(out[:, 3:7])
 
     def uncertainty(self, latent: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """sigma (n, 3) [m] and kappa (n,) alone: cheaper than decoding, enough to prune a grid."""
@@ -86,9 +81,9 @@ class TaskSpaceDecoder(Perceptron):
         return 1.0 / (precisions[:, :3] + self.sigma_floor), precisions[:, 3] + self.kappa_floor
 
     def expected_shapes(self) -> dict[str, tuple[int, ...]]:
-        centres = len(np.atleast_1d(self.rbf_centres))
+        centres, outputs = len(np.atleast_1d(self.rbf_centres)), 7 + self.decodes_progress
         return super().expected_shapes() | {
-            "W3": (7, self.b2.size), "b3": (7,), "position_offset": (3,), "position_scale": (),
+            "W3": (outputs, self.b2.size), "b3": (outputs,), "position_offset": (3,), "position_scale": (),
             "rbf_centres": (centres, *self.W1.shape[-1:]), "rbf_rate": (),
             "sigma_weights": (3, centres), "sigma_floor": (3,), "kappa_weights": (centres,), "kappa_floor": (),
         }  # fmt: skip

@@ -23,6 +23,8 @@ class Perceptron:
 
     #: What error messages call it.
     network: ClassVar[str]
+    #: Weights that networks of earlier releases do not have.
+    later: ClassVar[tuple[str, ...]] = ()
     #: Smallest values of weights that cannot be any number, by their names.
     lowest: ClassVar[dict[str, float]] = {}
 
@@ -46,12 +48,13 @@ class Perceptron:
 
     def arrays(self) -> dict[str, np.ndarray]:
         """The weights by name, float64, as they are stored on disk."""
-        return {field.name: np.asarray(getattr(self, field.name), dtype=float) for field in fields(self)}
+        named = {field.name: np.asarray(getattr(self, field.name), dtype=float) for field in fields(self)}
+        return {name: array for name, array in named.items() if array.size or name not in self.later}
 
     @classmethod
     def from_arrays(cls: type[Network], arrays: dict[str, np.ndarray]) -> Network:
         """Build from weights by name; SkillError names missing, non-finite, ill-shaped or absurdly large ones."""
-        names = [field.name for field in fields(cls)]
+        names = [field.name for field in fields(cls) if field.name in arrays or field.name not in cls.later]
         missing = [name for name in names if name not in arrays]
         if missing:
             raise SkillError(f"{cls.network} weights lack {', '.join(missing)}; they must hold {', '.join(names)}")
@@ -59,6 +62,8 @@ class Perceptron:
             check_real(f"{cls.network} weight {name}", np.asarray(arrays[name]))
         network = cls(**{name: np.asarray(arrays[name], dtype=float) for name in names})
         for name, shape in network.expected_shapes().items():
+            if name not in names:
+                continue
             array = getattr(network, name)
             if array.shape != shape:
                 raise SkillError(f"{cls.network} weight {name} has shape {array.shape}, expected {shape}")

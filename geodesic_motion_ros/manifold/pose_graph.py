@@ -26,16 +26,20 @@ class MetricSettings:
     """Weights of the terms of the pull-back metric M of a skill of tool poses.
 
     M = J_x^T A J_x + sigma_weight^2 J_sigma^T A J_sigma + J_q^T J_q + J_k^T J_k
+        + progress_length^2 (J_s^T J_s + sigma_weight^2 J_sigma_s^T J_sigma_s)
 
     Attributes
     ----------
     sigma_weight : weight of the position's standard deviation (the paper: 1; measured better: 10).
     orientation_scale : "spread", k = kappa^(-1/2), an angle like sigma is a length; or "kappa", k = kappa, the
         paper's literal form, whose numbers drown position and orientation.
+    progress_length : what the whole of the progress s counts [m], where the model decodes it; obstacles do not stretch
+        it.
     """
 
     sigma_weight: float = 10.0
     orientation_scale: Literal["spread", "kappa"] = "spread"
+    progress_length: float = 0.0
 
     def orientation_feature(self, decoded: Decoded) -> np.ndarray:
         """k of the metric, (n,)."""
@@ -59,7 +63,7 @@ class PoseGraph(LatentGraph):
     _inner_quaternions: np.ndarray
     _inner_progress: np.ndarray
     _inner_shares: np.ndarray
-    # Obstacle-independent squared lengths that no transport changes: of sigma (stretched) and of kappa (not), (m,).
+    # Squared lengths that no transport changes: of sigma (stretched), and of kappa and progress (not), (m,).
     _sigma_energy: np.ndarray
     _spread_energy: np.ndarray
 
@@ -108,10 +112,13 @@ class PoseGraph(LatentGraph):
                         self.metric.sigma_weight * decoded.sigma,
                         quaternions,
                         self.metric.orientation_feature(decoded)[:, None],
+                        self._progress_features(self.latent + side * NUDGE * axis),
                     ],
                     axis=1,
                 )
-                for decoded, quaternions in ((ahead, ahead.quaternions), (behind, sign * behind.quaternions))
+                for side, decoded, quaternions in (
+                    (1.0, ahead, ahead.quaternions), (-1.0, behind, sign * behind.quaternions),
+                )
             ]
             columns.append((parts[0] - parts[1]) / (2.0 * NUDGE))
         slopes, moved = np.stack(columns, axis=2), 3 * len(points)
@@ -120,6 +127,9 @@ class PoseGraph(LatentGraph):
             (pulled_back(slopes[:, 3 * k : 3 * k + 3]) + spread) / len(points) for k in range(len(points))
         ]
         return packed_tensors(np.stack(shares, axis=1), pulled_back(slopes[:, moved + 3 :]))
+
+    def _progress_features(self, latent: np.ndarray) -> np.ndarray:
+        return self.decoder.progress_features(latent, self.metric.progress_length, self.metric.sigma_weight)
 
     def field(self, tensors: np.ndarray, mean_paths: MeanPaths | None, strength: float) -> MetricField:
         """The metric between the nodes, with the conformal factor of mean paths, None for 1; tensors : of `tensors`.
@@ -216,6 +226,7 @@ def build_pose_graph(
     spread_chain = _chain(metric.orientation_feature(decoded), edges, inner_rows(metric.orientation_feature(inner)))
     sigma_energy = metric.sigma_weight**2 * pieces * np.sum(np.diff(sigma_chain, axis=1) ** 2, axis=(1, 2))
     spread_energy = pieces * np.sum(np.diff(spread_chain, axis=1) ** 2, axis=1)
+    spread_energy += decoder.progress_energies(latent, edges, metric.progress_length, metric.sigma_weight)
 
     if math.isfinite(energy_limit):
         lengths, turns = chord_energies(

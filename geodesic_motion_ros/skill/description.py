@@ -29,14 +29,14 @@ _LONGEST_PATH = 4096
 ORIENTATION_MODELS = {"task": ("two_cluster", "sign_blind"), "joint": ("none",)}
 #: What numbers of a metric may be, by the space. Points along the links that are closer than a centimetre are millions.
 METRIC_RANGES = {
-    "task": {"sigma_weight": (0.0, 1e6)},
+    "task": {"sigma_weight": (0.0, 1e6), "progress_length": (0.0, 1e3)},
     "joint": {
         "sigma_weight": (0.0, 1e6), "joint_weight": (1e-6, 1e3), "point_spacing": (0.01, 10.0),
-        "orientation_weight": (0.0, 1e3),
+        "orientation_weight": (0.0, 1e3), "progress_length": (0.0, 1e3),
     },
 }  # fmt: skip
 #: What skills of earlier releases lack, for which the default holds.
-_LATER = {"orientation_weight"}
+_LATER = {"orientation_weight", "progress_length"}
 METRIC_CHOICES = {"task": {"orientation_scale": ("spread", "kappa")}, "joint": {}}
 #: Slower than linear, an offset would fade at an infinite rate at the goal; faster than this, at once.
 FADE_RANGE = (1.0, 16.0)

@@ -78,7 +78,9 @@ def _model(shown: np.ndarray, robot: Robot, settings: JointTrainingSettings, fol
 def _restored(tensors: dict[str, torch.Tensor], settings: JointTrainingSettings) -> AutoEncoder:
     """The model whose state it is, frozen."""
     scaling = tensors["encoder.offset"], tensors["encoder.scale"]
-    vae = AutoEncoder(settings.latent_dimension, settings.hidden, *scaling).double()
+    vae = AutoEncoder(
+        settings.latent_dimension, settings.hidden, *scaling, progress=settings.knows_progress
+    ).double()
     network = (tensors[f"decoder.inverse_sigma.{name}"] for name in ("centres", "rate", "floor", "scale"))
     vae.decoder.inverse_sigma = RadialBasisNetwork(*network)
     vae.load_state_dict(tensors)
