@@ -113,7 +113,7 @@ class EncoderNetwork(nn.Module):
             inputs.append(directions)
         if self.progress:
             if fractions is None:
-                along = torch.linspace(0.0, 1.0, coordinates.shape[-2]).to(coordinates)
+                along = torch.linspace(0.0, 1.0, coordinates.shape[-2], dtype=coordinates.dtype)
                 fractions = along.expand(coordinates.shape[:-1])
             inputs.append(2.0 * fractions[..., None] - 1.0)
         mean, log_variance = self.perceptron(torch.cat(inputs, dim=-1)).chunk(2, dim=-1)

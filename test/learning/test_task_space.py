@@ -10,17 +10,17 @@ from geodesic_motion_ros.manifold.decoder import TaskSpaceDecoder
 from geodesic_motion_ros.manifold.encoder import TaskSpaceEncoder
 
 
-@pytest.fixture
-def vae():
-    """An untrained model with random weights everywhere."""
+@pytest.fixture(params=[False, True])
+def vae(request):
+    """An untrained model with random weights everywhere, without progress and with it."""
     with torch.random.fork_rng():
         torch.manual_seed(5)
         scaling = torch.tensor([0.4, -0.1, 0.3]), torch.tensor(0.21)
-        vae = AutoEncoder(2, (20, 10), *scaling, "two_cluster", direction=4).double()
+        vae = AutoEncoder(2, (20, 10), *scaling, "two_cluster", 4, request.param).double()
         centres, rate = torch.randn(30, 2).double(), torch.tensor(2.5).double()
         networks = [
             RadialBasisNetwork(centres, rate, torch.full((n,), floor).double(), torch.full((n,), scale).double())
-            for n, floor, scale in ((3, 1.0, 200.0), (1, 0.01, 1600.0))
+            for n, floor, scale in ((3, 1.0, 200.0), (1, 0.01, 1600.0), (1, 1.0, 20.0))[: 2 + request.param]
         ]
         for network in networks:
             torch.nn.init.normal_(network.raw_weights)
@@ -43,13 +43,21 @@ def test_decoder_agrees_with_its_numpy_twin(vae):
     np.testing.assert_allclose(exported.quaternions, means.directions, rtol=1e-10)
     np.testing.assert_allclose(exported.sigma, 1.0 / precisions.inverse_sigma, rtol=1e-10)
     np.testing.assert_allclose(exported.kappa, precisions.kappa, rtol=1e-10)
+    decoder = vae.decoder.to_numpy()
+    assert decoder.decodes_progress is vae.decoder.decodes_progress
+    features = decoder.progress_features(latent, 0.2, 10.0)
+    if not decoder.decodes_progress:
+        assert features.shape == (200, 0)
+        return
+    np.testing.assert_allclose(features[:, 0], 0.2 * means.progress, rtol=1e-10, atol=1e-12)
+    np.testing.assert_allclose(features[:, 1], 2.0 / precisions.progress, rtol=1e-10)
 
 
 def test_decoder_survives_the_conversion_to_numpy_and_back(vae):
     exported = vae.decoder.to_numpy()
     again = type(vae.decoder).from_numpy(exported).to_numpy()
     for name, array in exported.arrays().items():
-        np.testing.assert_allclose(again.arrays()[name], array, rtol=1e-12, err_msg=name)
+        np.testing.assert_allclose(again.arrays()[name], array, rtol=1e-9, err_msg=name)
 
 
 def test_encoder_agrees_with_its_numpy_twin(vae, poses):
@@ -85,7 +93,7 @@ def test_position_density_counts_every_coordinate_with_its_own_sigma(vae):
 
 
 def test_samples_scatter_as_the_posterior_says(vae, poses):
-    one = [torch.tensor(values[:1]).repeat(20000, 1) for values in poses]
+    one = [*(torch.tensor(values[:1]).repeat(20000, 1) for values in poses), torch.full((20000,), 0.3).double()]
     mean, log_variance = vae.encoder(*one)
     with torch.random.fork_rng():
         torch.manual_seed(0)
