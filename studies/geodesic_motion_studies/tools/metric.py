@@ -14,6 +14,7 @@ import torch
 from torch import Tensor
 
 from geodesic_motion_ros.learning.autoencoder import DecoderNetwork
+from geodesic_motion_ros.manifold.configuration_graph import JointMetricSettings
 from geodesic_motion_ros.manifold.pose_graph import MetricSettings
 
 #: A Riemannian metric: latent points (n, d) to symmetric positive definite tensors (n, d, d), differentiable.
@@ -44,11 +45,12 @@ class AmbientFactor:
 
 @dataclass(frozen=True)
 class PullbackMetric:
-    """M = J_x^T A J_x + w^2 J_sigma^T A J_sigma + J_q^T J_q + J_k^T J_k of a task-space decoder.
+    """M = J_x^T A J_x + w^2 J_sigma^T A J_sigma + J_q^T J_q + J_k^T J_k + l^2 (J_s^T J_s + w^2 J_sigma_s^T J_sigma_s) of
+    a task-space decoder, the last term where it decodes progress s.
 
-    A = m(x) I_3, with m the ambient factor at the decoded position x, 1 without obstacles; w and k
-    (kappa^(-1/2), or kappa as the paper has it) come from the settings. Jacobians in forward mode: d is 2 or
-    3, features are 11.
+    A = m(x) I_3, with m the ambient factor at the decoded position x, 1 without obstacles; w, k (kappa^(-1/2), or
+    kappa as the paper has it) and l come from the settings. Jacobians in forward mode: d is 2 or 3, features are 11, or
+    13.
 
     Attributes
     ----------
@@ -62,15 +64,17 @@ class PullbackMetric:
     ambient: Callable[[Tensor], Tensor] | None = None
 
     def features(self, latent: Tensor) -> Tensor:
-        """(x, sigma, q, k), (..., 11), at latent points (..., d); fewer of a model with fewer coordinates."""
+        """(x, sigma, q, k), (..., 11), and l (s, w sigma_s) at latent points (..., d); fewer of a model with fewer
+        coordinates.
+        """
         means, precisions = self.decoder.means(latent), self.decoder.precisions(latent)
         kappa = precisions.kappa
         scale = kappa**-0.5 if self.settings.orientation_scale == "spread" else kappa
         parts = (means.coordinates, 1.0 / precisions.inverse_sigma, means.directions, scale[..., None])
-        return torch.cat(parts, dim=-1)
+        return torch.cat([*parts, *progress_features(self.decoder, latent, self.settings)], dim=-1)
 
     def jacobian(self, latent: Tensor) -> Tensor:
-        """Jacobian (n, 11, d) of the features at latent points (n, d)."""
+        """Jacobian (n, 11 or 13, d) of the features at latent points (n, d)."""
         return torch.func.vmap(torch.func.jacfwd(self.features))(latent)
 
     def __call__(self, latent: Tensor) -> Tensor:
@@ -83,6 +87,17 @@ class PullbackMetric:
             factor = self.ambient(self.decoder.means(latent).coordinates)[:, None]
             weights = torch.cat([weights[:, : 2 * coordinates] * factor, weights[:, 2 * coordinates :]], dim=-1)
         return torch.einsum("nfi,nf,nfj->nij", jacobian, weights, jacobian)
+
+
+def progress_features(
+    decoder: DecoderNetwork, latent: Tensor, settings: MetricSettings | JointMetricSettings
+) -> tuple[Tensor, ...]:
+    """Make the features l s and l w sigma_s, (..., 1) each, of a decoder that decodes progress; none of another one."""
+    means, precisions = decoder.means(latent), decoder.precisions(latent)
+    if means.progress is None:
+        return ()
+    features = means.progress, settings.sigma_weight / precisions.progress
+    return tuple(settings.progress_length * feature[..., None] for feature in features)
 
 
 def magnification_factor(metric: Metric, latent: Tensor) -> Tensor:
