@@ -45,8 +45,8 @@ class AmbientFactor:
 
 @dataclass(frozen=True)
 class PullbackMetric:
-    """M = J_x^T A J_x + w^2 J_sigma^T A J_sigma + J_q^T J_q + J_k^T J_k + l^2 (J_s^T J_s + w^2 J_sigma_s^T J_sigma_s) of
-    a task-space decoder, the last term where it decodes progress s.
+    """M = J_x^T A J_x + w^2 J_sigma^T A J_sigma + J_q^T J_q + J_k^T J_k + l^2 (J_s^T J_s + w^2 J_sigma_s^T J_sigma_s)
+    of a task-space decoder, the last term where it decodes progress s.
 
     A = m(x) I_3, with m the ambient factor at the decoded position x, 1 without obstacles; w, k (kappa^(-1/2), or
     kappa as the paper has it) and l come from the settings. Jacobians in forward mode: d is 2 or 3, features are 11, or
