@@ -73,7 +73,7 @@ class CommonSettings:
     kl_weight: float = 0.3
     kl_warm_up: float = 0.2
     progress_deviation: float = 0.2
-    progress_share: float = 0.25
+    progress_share: float = 1.0
     blends: int = 2
     fixed_sigma: float = 0.005
     kernels: int = 500
