@@ -99,7 +99,8 @@ def add_formats(group: argparse._ArgumentGroup, required: bool = False, joints: 
         "demonstration=NAME; *=NAME_* for all joints. Without a header all, in their order",
     )  # fmt: skip
     group.add_argument(
-        "--rate", type=float, default=100.0, metavar="HZ", help="samples a second of files without times"
+        "--rate", type=float, metavar="HZ",
+        help="samples a second of files without times; without it nothing is learned of how fast a motion is",
     )
     if joints:
         group.add_argument(

@@ -176,6 +176,7 @@ def describe(skill: Skill) -> dict[str, Any]:
             "halfway_position": _halfway(skill),
             "distance": float(np.linalg.norm(goal[:3] - start[:3])),
             "turn_deg": float(np.degrees(angle_between(start[3:], goal[3:]))),
+            "demonstrated_s": None if skill.pace is None else float(skill.pace[-1]),
         } | _families(skill),
         "latent": {
             "dimension": skill.decoder.latent_dimension,
@@ -232,6 +233,8 @@ def _print(described: dict[str, Any]) -> None:
 
 
 def _text(value: Any) -> str:
+    if value is None:
+        return "-"
     if isinstance(value, float):
         return f"{value:.4g}"
     if isinstance(value, list):

@@ -170,12 +170,14 @@ TOOL_LIMITS = ToolLimits(speed=0.2, angular_speed=0.8, acceleration=1.5)
 Avoid = Literal["arm", "tool"]
 #: How detours count places that are not declared as seen: as free, or as occupied.
 Unseen = Literal["free", "blocked"]
+#: How fast motions to a goal are: as was shown, or as fast as can be.
+Timing = Literal["demonstrated", "fastest"]
 
 
 #: Settings that may change while the arm moves (`ReactivePlanner.change_settings`).
 CHANGEABLE = (
     "obstacle_margin", "obstacle_position_error", "speed_scale", "acceleration_scale", "speed", "angular_speed",
-    "acceleration", "speed_override",
+    "acceleration", "speed_override", "timing",
 )  # fmt: skip
 
 
@@ -222,6 +224,8 @@ class PlannerSettings:
     acceleration : limit of the tool's acceleration [m/s^2], tangential and centripetal together; None: 1.5, or none.
         That of the angular acceleration follows: full angular speed is reached in the time that full speed takes.
     speed_override : in (0, 1]: the limits of all speeds, of the joints and of the tool, are this share of the above.
+    timing : "demonstrated": a motion to a goal is nowhere faster, at the same progress, than the demonstrations were on
+        average, if the skill knows, times `speed_override`; "fastest": as fast as the limits allow.
     latency : a new reference takes over this long after its planning began [s].
     detour : how far the tool may leave what was demonstrated where obstacles block every demonstrated path, up to
         `LARGEST_DETOUR`, if it was declared what stands around the arm, and where it evades; 0: it waits there, and
@@ -260,6 +264,7 @@ class PlannerSettings:
     angular_speed: float | None = None
     acceleration: float | None = None
     speed_override: float = 1.0
+    timing: Timing = "demonstrated"
     latency: float = 0.03
     detour: float = 0.25
     unseen: Unseen = "free"
@@ -296,7 +301,10 @@ class PlannerSettings:
         self._check_grid()
 
     def _check_choices(self) -> None:
-        for name, choices in (("ambient_law", LAWS), ("avoid", get_args(Avoid)), ("unseen", get_args(Unseen))):
+        offered = {"ambient_law": LAWS} | {
+            name: get_args(kind) for name, kind in (("avoid", Avoid), ("unseen", Unseen), ("timing", Timing))
+        }
+        for name, choices in offered.items():
             if getattr(self, name) not in choices:
                 raise PlanningError(f"setting {name} is '{getattr(self, name)}', must be one of {', '.join(choices)}")
 

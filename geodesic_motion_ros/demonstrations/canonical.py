@@ -46,6 +46,8 @@ LARGEST_SHARE = 0.5
 LARGEST_TURN = 2.0
 #: Starts and goals may lie this far [rad], over all joints, from the mean of their group.
 LARGEST_OFFSET = 1.5
+#: A demonstration sets out, and comes to rest, where it is this share of its arc from its ends: hands are never still.
+STILL = 1e-3
 #: y = theta - D(y, s) is solved by so many fixed-point iterations.
 _ITERATIONS = 8
 
@@ -59,6 +61,8 @@ class CanonicalForm(ABC):
     fade : exponent with which start offsets are taken out.
     modes : (N,) number of each demonstration's mode, from 0.
     """
+
+    _demonstrations: Demonstrations | JointDemonstrations
 
     def __init__(self, names: Sequence[str], fade: float | None) -> None:
         """fade : None: the likeliest."""
@@ -84,6 +88,12 @@ class CanonicalForm(ABC):
         """
 
     @abstractmethod
+    def times(self, samples: int) -> np.ndarray:
+        """Read when the demonstrations came to so many places, equally spaced along their arcs: (N, samples) [s], from
+        where they set out to where they came to rest.
+        """
+
+    @abstractmethod
     def remove_offsets(self, curves: tuple[np.ndarray, ...], fade: float) -> tuple[np.ndarray, ...]:
         """Solve for the canonical curves y of curves that are equally spaced along their arcs."""
 
@@ -94,6 +104,10 @@ class CanonicalForm(ABC):
     def _compared(self, curves: tuple[np.ndarray, ...]) -> np.ndarray:
         """Numbers (N, T, D) in one unit by which curves are compared."""
         return curves[0]
+
+    def _known_times(self, samples: int) -> np.ndarray | None:
+        """As of `times`; None where the recordings have none."""
+        return self.times(samples) if self._demonstrations.has_times else None
 
 
 class PoseForm(CanonicalForm):
@@ -123,11 +137,16 @@ class PoseForm(CanonicalForm):
 
     def sheet(self, samples: int) -> CanonicalSheet:
         positions, quaternions = self.remove_offsets(self.curves(samples), self.fade)
-        ends = self.start_offsets, self.goal_offsets
-        return CanonicalSheet(*ends, self.modes, math.inf, positions, quaternions, fade=self.fade)
+        ends, times = (self.start_offsets, self.goal_offsets), self._known_times(samples)
+        return CanonicalSheet(*ends, self.modes, math.inf, positions, quaternions, fade=self.fade, times=times)
 
     def curves(self, samples: int) -> tuple[np.ndarray, ...]:
         return sample_poses(self._demonstrations, samples, self._rotation_length)
+
+    def times(self, samples: int) -> np.ndarray:
+        length, items = self._rotation_length, self._demonstrations
+        arcs = [pose_arc_length(item.positions, item.quaternions, length) for item in items]
+        return np.stack([_times_along(arc, item.times, samples) for arc, item in zip(arcs, items, strict=True)])
 
     def remove_offsets(self, curves: tuple[np.ndarray, ...], fade: float) -> tuple[np.ndarray, ...]:
         positions, quaternions = curves
@@ -173,10 +192,16 @@ class ConfigurationForm(CanonicalForm):
         return JointSheet(
             self.start_offsets, self.goal_offsets, self.modes, math.inf, configurations,
             self.start_groups, self.goal_groups, self.start_poles, self.goal_poles, fade=self.fade,
+            times=self._known_times(samples),
         )  # fmt: skip
 
     def curves(self, samples: int) -> tuple[np.ndarray, ...]:
         return sample_configurations(self._demonstrations, self._robot, self._metric, samples)
+
+    def times(self, samples: int) -> np.ndarray:
+        arcs = [body_arc(item.configurations, self._robot, self._metric) for item in self._demonstrations]
+        items = zip(arcs, self._demonstrations, strict=True)
+        return np.stack([_times_along(arc, item.times, samples) for arc, item in items])
 
     def remove_offsets(self, curves: tuple[np.ndarray, ...], fade: float) -> tuple[np.ndarray, ...]:
         poles = np.stack([self.start_poles[self.start_groups], self.goal_poles[self.goal_groups]], axis=1)
@@ -264,6 +289,13 @@ def mean_ends(positions: np.ndarray, quaternions: np.ndarray) -> tuple[np.ndarra
     """Average the first and the last poses, (7,) each, of curves (N, T, 3), (N, T, 4)."""
     start, goal = (mean_pose(positions[:, end], quaternions[:, end]) for end in (0, -1))
     return start, goal
+
+
+def _times_along(arc: np.ndarray, times: np.ndarray, samples: int) -> np.ndarray:
+    """When a motion of arc (T,), at times (T,) [s], came to `samples` places along it: 0 where it set out."""
+    set_out, arrived = np.searchsorted(arc, [STILL * arc[-1], (1.0 - STILL) * arc[-1]])
+    moving = np.clip(times, times[set_out - 1], times[arrived]) - times[set_out - 1]
+    return np.interp(np.linspace(0.0, arc[-1], samples), arc, moving)
 
 
 def _refuse_strange_poses(names: Sequence[str], verb: str, offsets: np.ndarray, lengths: list[float]) -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Generic, TypeVar
 
 import numpy as np
@@ -111,9 +111,11 @@ class DemonstrationSet(Generic[Item]):
     Attributes
     ----------
     items : at least one.
+    has_times : whether their times are those of the recording, and not assumed.
     """
 
     items: tuple[Item, ...]
+    has_times: bool = field(default=True, kw_only=True)
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "items", tuple(self.items))

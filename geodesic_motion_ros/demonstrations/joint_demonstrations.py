@@ -130,7 +130,8 @@ class JointDemonstrations(DemonstrationSet[JointDemonstration]):
         DemonstrationError : the robot has other joints, or a configuration is outside its limits.
         """
         self.check_robot(robot)
-        return Demonstrations(tuple(_tool_demonstration(item, robot) for item in self), frame=robot.base_link)
+        items = tuple(_tool_demonstration(item, robot) for item in self)
+        return Demonstrations(items, frame=robot.base_link, has_times=self.has_times)
 
     def check_robot(self, robot: Robot) -> None:
         """Refuse a robot that cannot have moved so: DemonstrationError names joint, or demonstration and sample."""

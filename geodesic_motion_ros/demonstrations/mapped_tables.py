@@ -107,7 +107,8 @@ def read_mapped_tables(path: Path, columns: str, joint_names: Sequence[str] = ()
     if not joint_names:
         found += _notes_on_orientation(table, path)
     if TIME not in table:
-        found.append(_note(path, "has no times, as --columns names none", "as so many samples a second as --rate says"))
+        how = "as so many samples a second as --rate says; without it the path alone is learned"
+        found.append(_note(path, "has no times, as --columns names none", how))
     labels = None
     if DEMONSTRATION in mapping:
         column = cells.columns[_places(names, mapping[DEMONSTRATION], DEMONSTRATION, path)[0]]

@@ -39,12 +39,14 @@ from geodesic_motion_ros.utils.checked_numbers import ARM_REACH
 from geodesic_motion_ros.utils.errors import DemonstrationError, FileError
 
 Units = Literal["m", "cm", "mm"]
+ASSUMED_RATE = 100.0
+"""Samples a second of files that do not say when they were recorded: speeds that are checked need some."""
 SHORTEST_MOTION = 0.01
 """When no demonstration of a file moves this far [m], its units were taken for too small ones."""
 
 
 def read_demonstrations(
-    path: str | Path, units: Units, columns: str = DEFAULT_COLUMNS, rate_hz: float = 100.0
+    path: str | Path, units: Units, columns: str = DEFAULT_COLUMNS, rate_hz: float | None = None
 ) -> Demonstrations:
     """Read a recording of poses, in metres.
 
@@ -61,7 +63,7 @@ def read_demonstrations(
     columns : names of the columns, separated by commas, in the order of the file: `px,py,pz,qw,qx,qy,qz`, with `t` [s]
         where the file has times. `px,py,pz` alone: no orientation. `px,py` alone: planar, at z = 0. Of text with any
         header (`.txt`, `.csv`) our names and those of the file: `t=stamp,px=x,py=y,pz=z`.
-    rate_hz : samples a second of files that have no times.
+    rate_hz : samples a second of files that have no times; None: nobody knows, ASSUMED_RATE is taken.
 
     Returns
     -------
@@ -79,7 +81,9 @@ def read_demonstrations(
         return make_demonstrations(takes)
 
 
-def read_pose_takes(path: Path, units: Units, columns: str = DEFAULT_COLUMNS, rate_hz: float = 100.0) -> list[Take]:
+def read_pose_takes(
+    path: Path, units: Units, columns: str = DEFAULT_COLUMNS, rate_hz: float | None = None
+) -> list[Take]:
     """Read poses as they were recorded, in metres: one take for each demonstration, its times not checked."""
     scale = _metres_per(units)
     if is_mapped(path, columns):
@@ -102,10 +106,11 @@ def read_pose_takes(path: Path, units: Units, columns: str = DEFAULT_COLUMNS, ra
 def make_demonstrations(takes: Sequence[Take]) -> Demonstrations:
     """Make demonstrations of takes of poses, one each; DemonstrationError names what cannot be used."""
     oriented = all(len(take.names) == len(POSE) for take in takes)
-    return Demonstrations(tuple(map(_demonstration, takes)), has_orientation=oriented)
+    timed = all(take.has_times for take in takes)
+    return Demonstrations(tuple(map(_demonstration, takes)), has_orientation=oriented, has_times=timed)
 
 
-def read_joint_demonstrations(path: str | Path, robot: str, rate_hz: float = 100.0) -> JointDemonstrations:
+def read_joint_demonstrations(path: str | Path, robot: str, rate_hz: float | None = None) -> JointDemonstrations:
     """Read a recording of an arm's joints, in radians.
 
     Parameters
@@ -117,7 +122,7 @@ def read_joint_demonstrations(path: str | Path, robot: str, rate_hz: float = 100
         called like the joints, in any order; `t` [s] may be among them;
         a folder with `.csv` files of this kind.
     robot : name of the arm, as `Robot.named` knows it; the joints of the file must be its joints.
-    rate_hz : samples a second of files that have no times.
+    rate_hz : samples a second of files that have no times; None: nobody knows, ASSUMED_RATE is taken.
 
     Returns
     -------
@@ -137,7 +142,7 @@ def read_joint_demonstrations(path: str | Path, robot: str, rate_hz: float = 100
 
 
 def read_joint_takes(
-    path: Path, robot: str, rate_hz: float = 100.0, columns: str = DEFAULT_COLUMNS, units: str | None = None
+    path: Path, robot: str, rate_hz: float | None = None, columns: str = DEFAULT_COLUMNS, units: str | None = None
 ) -> list[Take]:
     """Read joints as they were recorded, in the robot's order: one take for each demonstration, times not checked.
 
@@ -156,7 +161,7 @@ def read_joint_takes(
         mapped = MappedTables(read_joint_tables(path, names, robot, rate_hz))
     with name_in_errors(path):
         takes = [
-            Take(name, _times(table, len(table[names[0]]), rate_hz), np.array([table[one] for one in names]).T, names)
+            _timed_take(name, table, np.array([table[one] for one in names]).T, names, rate_hz)
             for name, table in mapped.tables.items()
         ]
     return _as_found(convert_to_radians(takes, units or mapped.unit), mapped)
@@ -194,7 +199,8 @@ def make_joint_demonstrations(takes: Sequence[Take], robot: str) -> JointDemonst
     arm = Robot.named(robot)
     motions, _ = align_turns([unwrap_turns(take, arm)[0] for take in takes], arm)
     items = tuple(JointDemonstration(motion.values, motion.times, motion.name) for motion in motions)
-    demonstrations = JointDemonstrations(items, arm.joint_names, robot)
+    timed = all(take.has_times for take in takes)
+    demonstrations = JointDemonstrations(items, arm.joint_names, robot, has_times=timed)
     demonstrations.check_robot(arm)
     return demonstrations
 
@@ -252,12 +258,12 @@ def _positions(table: Table, scale: float) -> np.ndarray:
     return scale * np.stack([table.get(name, zeros) for name in POSITION], axis=1)
 
 
-def _pose_take(name: str, table: Table, scale: float, rate_hz: float) -> Take:
+def _pose_take(name: str, table: Table, scale: float, rate_hz: float | None) -> Take:
     columns = [_positions(table, scale)]
     if QUATERNION[0] in table:
         columns.append(continuous_signs(np.stack([table[column] for column in QUATERNION], axis=1)))
     values = np.hstack(columns)
-    return Take(name, _times(table, len(values), rate_hz), values, POSE[: values.shape[1]])
+    return _timed_take(name, table, values, POSE[: values.shape[1]], rate_hz)
 
 
 def _demonstration(take: Take) -> Demonstration:
@@ -267,8 +273,12 @@ def _demonstration(take: Take) -> Demonstration:
     return Demonstration(take.values[:, :3], quaternions, take.times, take.name)
 
 
-def _times(table: Table, samples: int, rate_hz: float) -> np.ndarray:
-    return table[TIME] if TIME in table else np.arange(samples) / rate_hz
+def _timed_take(
+    name: str, table: Table, values: np.ndarray, names: tuple[str, ...], rate_hz: float | None
+) -> Take:
+    """A take of values (T, C) with the times of a table, or at a rate."""
+    times = table[TIME] if TIME in table else np.arange(len(values)) / (rate_hz or ASSUMED_RATE)
+    return Take(name, times, values, names, has_times=TIME in table or rate_hz is not None)
 
 
 def _check_reach(tables: dict[str, Table], scale: float, units: str, path: Path) -> None:

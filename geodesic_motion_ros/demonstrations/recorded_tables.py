@@ -50,10 +50,10 @@ def name_in_errors(path: Path) -> Iterator[None]:
         raise DemonstrationError(f"{path}: {error}") from error
 
 
-def read_pose_tables(path: Path, names: tuple[str, ...], rate_hz: float) -> dict[str, Table]:
+def read_pose_tables(path: Path, names: tuple[str, ...], rate_hz: float | None) -> dict[str, Table]:
     """Read the tables of a recording of poses, by the names of the demonstrations; names : of its columns, in order.
 
-    rate_hz : samples a second of files that have no times.
+    rate_hz : samples a second of files that have no times; None: nobody knows.
 
     Raises
     ------
@@ -62,7 +62,7 @@ def read_pose_tables(path: Path, names: tuple[str, ...], rate_hz: float) -> dict
     return _read_tables(path, {".npy": _read_npy, ".npz": _read_npz, ".csv": _read_csv}, names, rate_hz)
 
 
-def read_joint_tables(path: Path, joint_names: tuple[str, ...], robot: str, rate_hz: float) -> dict[str, Table]:
+def read_joint_tables(path: Path, joint_names: tuple[str, ...], robot: str, rate_hz: float | None) -> dict[str, Table]:
     """Read the tables of a recording of a robot's joints, by the names of the demonstrations."""
 
     def read_npz(path: Path, names: tuple[str, ...]) -> dict[str, Table]:
@@ -94,8 +94,10 @@ def read_names(path: Path) -> set[str]:
     return set()
 
 
-def _read_tables(path: Path, readers: Mapping[str, Reader], names: tuple[str, ...], rate_hz: float) -> dict[str, Table]:
-    if not (np.isfinite(rate_hz) and rate_hz > 0.0):
+def _read_tables(
+    path: Path, readers: Mapping[str, Reader], names: tuple[str, ...], rate_hz: float | None
+) -> dict[str, Table]:
+    if rate_hz is not None and not (np.isfinite(rate_hz) and rate_hz > 0.0):
         raise DemonstrationError(f"rate_hz is {rate_hz}; it must be a positive number of samples a second")
     if files := find_files(path):
         return _merged([(file, _read_tables(file, readers, names, rate_hz)) for file in files])

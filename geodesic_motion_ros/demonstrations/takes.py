@@ -66,6 +66,7 @@ class Take:
     names : (C,) of the columns: those of the joints, or the first of POSE.
     found : how the file was read that it is from, and what was wrong there.
     in_one_go : whether nothing in the file says where a demonstration begins.
+    has_times : whether the times are those of the recording, and not assumed.
     """
 
     name: str
@@ -74,6 +75,7 @@ class Take:
     names: tuple[str, ...]
     found: tuple[Flaw, ...] = ()
     in_one_go: bool = False
+    has_times: bool = True
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "times", check_times(self.times, self.name))

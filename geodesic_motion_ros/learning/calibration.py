@@ -91,9 +91,13 @@ def dearest_energy(graph: LatentGraph, energies: np.ndarray, codes: np.ndarray, 
     lengths = coo_matrix((np.sqrt(energies), (first, second)), shape=(count, count)).tocsr()
     nodes = cKDTree(graph.latent).query(codes)[1]
     ends = nodes[:, [0, -1]] if whole else np.array([_joined_ends(row, graph.component[row]) for row in nodes])
-    distances, before = dijkstra(lengths, directed=False, indices=ends[:, 0], return_predecessors=True)
-    joined = [row for row, goal in enumerate(ends[:, 1]) if np.isfinite(distances[row, goal])]
-    dearest = max((_dearest_step(distances[row], before[row], ends[row]) for row in joined), default=0.0)
+    dearest = 0.0
+    # Many demonstrations begin at one node.
+    for start in np.unique(ends[:, 0]):
+        distances, before = dijkstra(lengths, directed=False, indices=start, return_predecessors=True)
+        goals = np.unique(ends[ends[:, 0] == start, 1])
+        steps = [_dearest_step(distances, before, start, goal) for goal in goals if np.isfinite(distances[goal])]
+        dearest = max(dearest, *steps, 0.0)
     if dearest == 0.0:
         raise SkillError(
             "no demonstration's start and goal are connected inside the support of the learned model: "
@@ -107,10 +111,10 @@ def _joined_ends(nodes: np.ndarray, components: np.ndarray) -> np.ndarray:
     return nodes[components == np.bincount(components).argmax()][[0, -1]]
 
 
-def _dearest_step(distances: np.ndarray, before: np.ndarray, ends: np.ndarray) -> float:
-    """Longest edge of the shortest path from ends[0] to ends[1], from Dijkstra's distances and predecessors."""
-    node, dearest = ends[1], 0.0
-    while node != ends[0]:
+def _dearest_step(distances: np.ndarray, before: np.ndarray, start: int, goal: int) -> float:
+    """Longest edge of the shortest path from a start to a goal, from Dijkstra's distances and predecessors."""
+    node, dearest = goal, 0.0
+    while node != start:
         dearest = max(dearest, distances[node] - distances[before[node]])
         node = before[node]
     return float(dearest)

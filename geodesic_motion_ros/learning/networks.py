@@ -79,7 +79,12 @@ class RadialBasisNetwork(nn.Module):
 
     def activations(self, latent: Tensor) -> Tensor:
         """exp(-rate |z - c_k|^2), (..., K), at latent points (..., d)."""
-        return torch.exp(-self.rate * ((latent[..., None, :] - self.centres) ** 2).sum(-1))
+        # -|z - c|^2 multiplied out, as one product of matrices: the offsets would be an array of (..., K, d).
+        ours = torch.cat([2.0 * latent, -(latent**2).sum(-1, keepdim=True), -torch.ones_like(latent[..., :1])], dim=-1)
+        theirs = torch.cat(
+            [self.centres, torch.ones_like(self.centres[:, :1]), (self.centres**2).sum(-1, keepdim=True)], dim=-1
+        )
+        return torch.exp(self.rate * (ours @ theirs.T).clamp(max=0.0))
 
     def forward(self, latent: Tensor) -> Tensor:
         """Values (..., outputs) at latent points (..., d)."""

@@ -170,8 +170,9 @@ def _fit_jointly(vae: AutoEncoder, samples: Samples, likelihood: Likelihood, pro
 def _basis_networks(vae: AutoEncoder, samples: Samples, likelihood: Likelihood) -> list[RadialBasisNetwork]:
     """Networks for 1 / sigma, and kappa if there is one, with kernels on the present codes, in their precision."""
     settings, like = likelihood.settings, {"dtype": samples.coordinates.dtype}
+    some = samples.take(drawn_rows(len(samples.coordinates), 1))
     with torch.no_grad():
-        codes = vae.encoder(samples.coordinates, samples.directions, samples.fractions)[0].double().numpy()
+        codes = vae.encoder(some.coordinates, some.directions, some.fractions)[0].double().numpy()
     centres = place_centres(codes, settings.kernels, settings.seed)
     centre = torch.tensor(centres, **like)
     rate = torch.tensor(kernel_rate(centres, codes, settings.bandwidth_factor), **like)

@@ -34,8 +34,8 @@ class Workload:
         two_stage = settings.schedule == "two_stage"
         fitted = min(samples * settings.precision_samples, MOST_DRAWN) if two_stage else samples
         kernels = min(settings.kernels, samples // 2)
-        # A kernel's activation needs the offsets from its centre and their squares at once, all of one precision.
-        memory = 2 * settings.latent_dimension * fitted * kernels * (8 if two_stage else 4)
+        # A kernel's activation needs its exponent before and after its bound at once, all of one precision.
+        memory = 2 * fitted * kernels * (8 if two_stage else 4)
         return cls(demonstrations, samples, fitted, kernels, memory, settings)
 
     def __str__(self) -> str:

@@ -108,7 +108,8 @@ def evasion_beside_graph(
     targets = displaced_paths(solver.robot, arm, state.position, undisplaced, left, apart)
     tried = workings.evasions.pop("beside_graph", 0)
     for number, curve in enumerate(islice(targets, tried, constants.EVASION_DISPLACED), tried + 1):
-        timed = solver.timer.time_curve(state, JointCurve(curve, np.repeat(latent, len(curve), axis=0), 0.0))
+        standing = JointCurve(curve, np.repeat(latent, len(curve), axis=0), 0.0)
+        timed = solver.timer.time_curve(state, standing, to_goal=False)
         if not isinstance(timed, Refusal):
             certificate, met = solver.certifier.assess_leaving(timed.swept, obstacles, requirement, stop)
             if not (met or solver.certifier.seen_objection(timed.swept, seen)):

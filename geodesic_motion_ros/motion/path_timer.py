@@ -71,12 +71,17 @@ class PathTimer:
         limits: JointLimits,
         tool: LimitedTool,
         certifier: ArmCertifier,
+        pace: np.ndarray | None = None,
     ) -> None:
-        """smoothing : as of `OutputSpace`."""
+        """smoothing : as of `OutputSpace`. pace : (S,) [s] of motions to a goal, as of `DemonstratedEnds`; None: they
+        are as fast as can be.
+        """
         self._step = graph.grid.step
         self._width = constants.REFINED_WIDTH if settings.refine else constants.UNREFINED_WIDTH
         self._joint_width = smoothing * self._width
         self._limits, self._tool, self._certifier = limits, tool, certifier
+        self._progress_map = graph.progress_map
+        self._pace = None if pace is None else pace / settings.speed_override
 
     def time_path(
         self, query: ArmQuery, state: MotionState, path: LatentPath, to_goal: bool, longest: float
@@ -85,7 +90,7 @@ class PathTimer:
         curve = self.joint_curve(query, state.position, path, to_goal)
         if isinstance(curve, Refusal):
             return curve
-        return self.time_curve(state, curve, longest)
+        return self.time_curve(state, curve, longest, to_goal)
 
     def joint_curve(
         self, query: ArmQuery, start: np.ndarray, path: LatentPath, to_goal: bool
@@ -99,17 +104,27 @@ class PathTimer:
         return meet_ends(curve, latent, start, query.goal if to_goal else curve[-1])
 
     def time_curve(
-        self, state: MotionState, curve: JointCurve, longest: float = math.inf
+        self, state: MotionState, curve: JointCurve, longest: float = math.inf, to_goal: bool = True
     ) -> TimedPath | Refusal:
-        """Time a curve that begins where the arm is; or return why no motion along it takes less than `longest` [s]."""
+        """Time a curve that begins where the arm is; or return why no motion along it takes less than `longest` [s].
+
+        to_goal : it is no faster than was shown. What evades is as fast as can be.
+        """
         reference = timed_joint_reference(
             curve.configurations, curve.latent, self._limits, state.velocity, state.acceleration, tool=self._tool,
-            longest=longest,
+            longest=longest, shown=self._shown(curve.latent) if to_goal else None,
         )  # fmt: skip
         if reference is None:
             reason = self._untimed(state, curve.configurations, longest)
             return Refusal(VerdictCode.NO_FEASIBLE_PATH, reason)
         return TimedPath(curve.latent, self._certifier, reference, curve.correction)
+
+    def _shown(self, latent: np.ndarray) -> np.ndarray | None:
+        """When the motion that was shown passed latent points (m, d), (m,) [s]; where they lead back it stood."""
+        if self._pace is None:
+            return None
+        progress, _ = self._progress_map(latent)
+        return np.maximum.accumulate(np.interp(progress, np.linspace(0.0, 1.0, len(self._pace)), self._pace))
 
     def _untimed(self, state: MotionState, curve: np.ndarray, longest: float) -> str:
         """Why there is no motion along configurations (m, eta) from a state, within `longest` [s]."""

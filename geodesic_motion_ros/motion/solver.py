@@ -82,7 +82,8 @@ class Solver:
         self.requirements = Requirements.of(settings)
         self.attempts = constants.ATTEMPTS
         self.certifier = ArmCertifier(robot, collision, self.scene)
-        self.timer = PathTimer(graph, self.space.smoothing, settings, limits, self.tool, self.certifier)
+        pace = skill.pace if settings.timing == "demonstrated" else None
+        self.timer = PathTimer(graph, self.space.smoothing, settings, limits, self.tool, self.certifier, pace)
 
     @property
     def cautious_attempts(self) -> tuple[Attempt, ...]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import get_args
 
-from geodesic_motion_ros.contract.settings import LARGEST_DETOUR, Unseen
+from geodesic_motion_ros.contract.settings import LARGEST_DETOUR, Timing, Unseen
 from geodesic_motion_ros.manifold.ambient_law import LAWS
 from geodesic_motion_ros.nodes.parameters import Parameter
 from geodesic_motion_ros.robot.description import DEFAULT_ROBOT, RobotDescription
@@ -246,6 +246,14 @@ PLANNER = (
         "",
         0.0,
         1.0,
+        read_only=False,
+    ),
+    Parameter(
+        "timing",
+        "demonstrated",
+        "How fast a motion to a goal is: demonstrated, no faster than was shown where the skill knows; fastest, as the "
+        "limits allow",
+        choices=get_args(Timing),
         read_only=False,
     ),
     Parameter(

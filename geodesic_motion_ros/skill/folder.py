@@ -156,6 +156,8 @@ def _canonical(
         penalty=float(described["regression_penalty"]),
         # Offsets of skills of earlier releases fade linearly.
         fade=float(described.get("offset_fade", 1.0)),
+        # Those of earlier releases, and of recordings without times, have none.
+        times=arrays.get("canonical_times"),
     )
     if space.has_joints:
         count = (0, *sheet.configurations.shape)[-1]

@@ -24,6 +24,8 @@ from geodesic_motion_ros.utils.checked_files import brief
 from geodesic_motion_ros.utils.checked_numbers import ARM_REACH, LARGEST_TURN, check_array, check_range, check_unit
 from geodesic_motion_ros.utils.errors import SkillError
 
+#: Demonstrations take no longer than this [s]: a day.
+LONGEST_DEMONSTRATION = 86_400.0
 #: What a turn of one radian counts against a distance where offsets are compared [m].
 METRES_PER_RADIAN = 0.1
 #: The same for the six numbers of an offset: translation [m] and rotation vector [rad].
@@ -41,6 +43,7 @@ class DemonstratedEnds(ABC):
     penalty : of the regression on start and goal offsets; inf: the mean.
     fade : exponent with which a start's offset was taken out along the motion, and is put in again, see
         `demonstrations.fade`.
+    times : (N, S) [s] when each demonstration came to its samples, 0 at the first; None: nobody knows.
     """
 
     start_offsets: np.ndarray
@@ -48,6 +51,7 @@ class DemonstratedEnds(ABC):
     modes: np.ndarray
     penalty: float
     fade: float = field(default=1.0, kw_only=True)
+    times: np.ndarray | None = field(default=None, kw_only=True)
 
     @property
     @abstractmethod
@@ -74,6 +78,19 @@ class DemonstratedEnds(ABC):
             check_array(f"canonical {name}", getattr(self, name), shape, -LARGEST_TURN, LARGEST_TURN)
         if not self.penalty > 0.0:
             raise SkillError(f"regression_penalty is {self.penalty}, must be positive, or .inf for no regression")
+
+    def check_times(self, count: int, samples: int) -> None:
+        """Refuse times that no demonstrations have (SkillError)."""
+        if self.times is None:
+            return
+        check_array("canonical times", self.times, (count, samples), 0.0, LONGEST_DEMONSTRATION)
+        if np.any(self.times[:, 0] != 0.0) or np.any(np.diff(self.times, axis=1) < 0.0):
+            raise SkillError("canonical times must begin at 0 and not fall")
+
+    @property
+    def pace(self) -> np.ndarray | None:
+        """The mean time (S,) [s] at which demonstrations had come so far along; None: nobody knows."""
+        return None if self.times is None else self.times.mean(axis=0)
 
     def check_numbers(self, name: str) -> None:
         """Refuse numbers (N,) of modes or groups that are not counted from 0 without gaps (SkillError)."""
@@ -147,6 +164,7 @@ class CanonicalSheet(DemonstratedEnds):
             check_range(f"canonical {name}", lengths, -2.0 * ARM_REACH, 2.0 * ARM_REACH)
         check_unit("canonical quaternions", self.quaternions)
         self.check_numbers("modes")
+        self.check_times(count, samples)
 
     @property
     def scale(self) -> np.ndarray:
@@ -202,6 +220,7 @@ class JointSheet(DemonstratedEnds):
             "start_offsets": (count, joints), "goal_offsets": (count, joints),
         })  # fmt: skip
         self.check_numbers("modes")
+        self.check_times(count, samples)
         for end in ("start", "goal"):
             self.check_numbers(f"{end}_groups")
             groups = len(set(getattr(self, f"{end}_groups").tolist()))

@@ -103,6 +103,13 @@ class LearnedModel:
         return 1.0 if self.canonical is None else self.canonical.fade
 
     @property
+    def pace(self) -> np.ndarray | None:
+        """The mean time (S,) [s] at which demonstrations had come so far along; None where it was not recorded, and on
+        the raw sheet.
+        """
+        return None if self.canonical is None else self.canonical.pace
+
+    @property
     def mean_paths(self) -> MeanPaths | None:
         """Mean paths of the demonstrations; None on the raw sheet, and for a single demonstration."""
         if self.canonical is None or not self.canonical.has_mean_paths:
@@ -216,6 +223,8 @@ class Skill(LearnedModel):
             if self.canonical is not None:
                 named = SPACES[self.space].canonical_arrays
                 latent |= {f"canonical_{name}": getattr(self.canonical, name) for name in named}
+                if self.canonical.times is not None:
+                    latent["canonical_times"] = self.canonical.times
                 described["regression_penalty"] = self.canonical.penalty
                 described["offset_fade"] = self.canonical.fade
             np.savez(draft / LATENT, **latent)

@@ -33,6 +33,10 @@ _ATTEMPTS, _HOPELESS = 8, (3, 1.2)
 _SLOWED_TO, _LEAST_FACTOR = 0.92, 0.5
 #: Points of a path nearer than this [s at full speed] are one.
 _SHORTEST_CHORD = 1e-5
+#: Stands for a change of rate that is not limited.
+_UNLIMITED = 1e9
+#: A motion that was faster than was shown slows down with this time constant [s].
+_SLOWING = 0.5
 #: Segments of the grid on which a law is planned, at least.
 _SEGMENTS = 150
 #: Rounding of what is exactly at a limit.
@@ -48,6 +52,7 @@ def timed_joint_reference(
     period: float = PERIOD,
     tool: LimitedTool | None = None,
     longest: float = math.inf,
+    shown: np.ndarray | None = None,
 ) -> JointReference | None:
     """A fast reference along a path, from the present state of motion until rest at the path's end.
 
@@ -64,6 +69,8 @@ def timed_joint_reference(
     tool : with limits that its motion keeps besides, as far as the state it starts from allows: speeds and
         accelerations that exceed them there fade first.
     longest : a motion that takes longer [s] need not be worked out.
+    shown : (m,) times [s], which do not fall, at which the motion that was shown passed the points of the path: the law
+        is nowhere faster than that, but where it takes over a faster one. None: it is as fast as can be.
 
     Returns
     -------
@@ -82,10 +89,11 @@ def timed_joint_reference(
     tool = None if tool is None or not tool.limits.limited else tool
     curve = _PathCurve.through(path, latent, limits)
     constraints = _constraints(curve.grid_motion, limits, tool)
+    pace = None if shown is None else curve.pace(np.asarray(shown, dtype=float))
     state = np.stack([path[0], velocity, acceleration])
     slow, width = np.ones(len(curve.grid)), averaging_width(_SMOOTHING, limits)
     for attempts in range(1, _ATTEMPTS + 1):
-        law, begin = _planned_law(curve, limits, constraints, slow, width, velocity, acceleration)
+        law, begin = _planned_law(curve, limits, constraints, pace, slow, width, velocity, acceleration)
         if law.end - begin > longest + _ROUNDING:
             return None
         attempt, fading = _played(curve, law, begin, limits, tool, state, period)
@@ -131,11 +139,13 @@ def _check(path: np.ndarray, latent: np.ndarray, velocity: np.ndarray, accelerat
 class _PathCurve:
     """A cubic spline through a path; its parameter s is about the time [s] that full speed would take.
 
-    knots : (m,). positions, bends : (m, eta) q and q'' there. latent : (m, d).
+    knots : (m,). kept : (m,) which points of the path they are. positions, bends : (m, eta) q and q'' there.
+    latent : (m, d).
     grid : (g,) where laws are planned. grid_motion : (3, g, eta) q, q' and q'' there.
     """
 
     knots: np.ndarray
+    kept: np.ndarray
     positions: np.ndarray
     bends: np.ndarray
     latent: np.ndarray
@@ -150,7 +160,12 @@ class _PathCurve:
         bends = spline_bends(knots, positions)
         pieces = math.ceil(_SEGMENTS / (len(kept) - 1))
         grid = np.interp(np.arange(pieces * (len(kept) - 1) + 1) / pieces, np.arange(len(kept)), knots)
-        return cls(knots, positions, bends, latent[kept], grid, spline_samples(knots, positions, bends, grid))
+        return cls(knots, kept, positions, bends, latent[kept], grid, spline_samples(knots, positions, bends, grid))
+
+    def pace(self, shown: np.ndarray) -> np.ndarray:
+        """The rates s' (g,) of a motion that passes the points of the path at the times `shown` [s]."""
+        rates = np.diff(self.knots) / np.maximum(np.diff(shown[self.kept]), _SHORTEST_CHORD)
+        return np.interp(self.grid, 0.5 * (self.knots[1:] + self.knots[:-1]), rates)
 
     def motion(self, law: np.ndarray) -> np.ndarray:
         """Positions, velocities and accelerations (3, k, eta) where s, s' and s'' are (3, k)."""
@@ -207,6 +222,7 @@ def _planned_law(
     curve: _PathCurve,
     limits: JointLimits,
     constraints: np.ndarray,
+    pace: np.ndarray | None,
     slow: np.ndarray,
     width: float,
     velocity: np.ndarray,
@@ -214,17 +230,22 @@ def _planned_law(
 ) -> tuple[SmoothLaw, float]:
     """The averaged law along a curve, slowed down by factors (g,) of the rate, and when in it the motion begins.
 
-    constraints : as of `_constraints`. width : as of `SmoothLaw` [s].
+    constraints : as of `_constraints`. pace : (g,) largest rates; None: any. width : as of `SmoothLaw` [s].
     """
-    slopes, bends = constraints[:2]
-    speeds, accelerations = slow[:, None] * constraints[2], slow[:, None] ** 2 * constraints[3]
     slope, bend = curve.grid_motion[1:, 0] / limits.acceleration
     length = float(slope @ slope)
     moving = length > 0.0 and (velocity.any() or acceleration.any())
+    rate = max(0.0, float(slope @ (velocity / limits.acceleration)) / length) if moving else 0.0
+    if pace is not None:
+        # What it takes over slows down to the pace over a while.
+        paced = np.stack([np.ones(len(pace)), np.zeros(len(pace)), np.maximum(pace, rate - curve.grid / _SLOWING)])
+        paced = np.concatenate([paced, np.full((1, len(pace)), _UNLIMITED)])
+        constraints = np.concatenate([constraints, paced[:, :, None]], axis=2)
+    slopes, bends = constraints[:2]
+    speeds, accelerations = slow[:, None] * constraints[2], slow[:, None] ** 2 * constraints[3]
     if not moving:
         rates = fastest_rates(curve.grid, slopes, bends, speeds, accelerations, 0.0)
         return SmoothLaw.along(curve.grid, rates, width), -width
-    rate = max(0.0, float(slope @ (velocity / limits.acceleration)) / length)
     rates = fastest_rates(curve.grid, slopes, bends, speeds, accelerations, rate)
     change = float(slope @ (acceleration / limits.acceleration - bend * rates[0] ** 2)) / length
     return SmoothLaw.along(curve.grid, rates, width, change), 0.0

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -69,6 +71,34 @@ def test_a_demonstration_carried_elsewhere_has_the_same_canonical_curve_and_othe
     found_goal = offsets_between(canonical.goal, positions[:, -1], quaternions[:, -1])
     np.testing.assert_allclose(found_start, start, atol=1e-7)
     np.testing.assert_allclose(found_goal, goal, atol=1e-7)
+
+
+def test_times_are_those_of_the_motion_from_where_it_sets_out(varying_fan):
+    """The same motion, after a second in which the hand stands, and before three."""
+    times = PoseForm(varying_fan, ROTATION_LENGTH).times(SAMPLES)
+    waiting = Demonstrations(
+        tuple(
+            Demonstration(
+                item.positions[[0, *range(len(item)), -1]], item.quaternions[[0, *range(len(item)), -1]],
+                np.concatenate([[item.times[0] - 1.0], item.times, [item.times[-1] + 3.0]]), item.name,
+            )
+            for item in varying_fan
+        )
+    )  # fmt: skip
+    np.testing.assert_allclose(PoseForm(waiting, ROTATION_LENGTH).times(SAMPLES), times, atol=1e-9)
+    assert np.all(times[:, 0] == 0.0)
+    assert np.all(np.diff(times, axis=1) >= 0.0)
+    for row, item in zip(times, varying_fan, strict=True):
+        assert row[-1] == pytest.approx(item.times[-1] - item.times[0], rel=0.05)
+        # Samples lie where they were at these times.
+        positions, _ = sample_pose_arc(item, SAMPLES, ROTATION_LENGTH)
+        passed = [np.interp(row + item.times[0], item.times, column) for column in item.positions.T]
+        np.testing.assert_allclose(np.stack(passed, axis=1)[1:-1], positions[1:-1], atol=2e-3)
+
+
+def test_nobody_knows_the_times_of_recordings_that_have_none(varying_fan):
+    assert PoseForm(varying_fan, ROTATION_LENGTH).sheet(SAMPLES).times is not None
+    assert PoseForm(replace(varying_fan, has_times=False), ROTATION_LENGTH).sheet(SAMPLES).times is None
 
 
 def test_a_single_demonstration_has_no_offsets(varying_fan):

@@ -51,6 +51,8 @@ def assert_holds(demonstrations, recording):
 def test_npy(tmp_path, recording):
     np.save(tmp_path / "pour.npy", recording)
     demonstrations = read_demonstrations(tmp_path / "pour.npy", "cm", rate_hz=50.0)
+    assert demonstrations.has_times
+    assert not read_demonstrations(tmp_path / "pour.npy", "cm").has_times
     assert_holds(demonstrations, recording)
     assert [item.name for item in demonstrations] == ["pour_0", "pour_1", "pour_2"]
     np.testing.assert_allclose(demonstrations[0].times, np.arange(40) / 50.0)
@@ -68,6 +70,7 @@ def test_columns_in_any_order_with_times(tmp_path, recording):
     demonstrations = read_demonstrations(tmp_path / "pour.npy", "cm", columns="qw,qx,qy,qz, t, pz,py,px")
     assert_holds(demonstrations, recording)
     np.testing.assert_allclose(demonstrations[2].times, times[2, :, 0])
+    assert demonstrations.has_times
 
 
 @pytest.mark.parametrize(("units", "scale"), [("m", 0.01), ("cm", 1.0), ("mm", 10.0)])
@@ -326,6 +329,8 @@ def joint_arrays(**changes) -> dict[str, np.ndarray]:
 def test_joints_in_an_npz(tmp_path):
     np.savez(tmp_path / "reach.npz", **joint_arrays())
     shown = read_joint_demonstrations(tmp_path / "reach.npz", "panda", rate_hz=50.0)
+    assert shown.has_times
+    assert not read_joint_demonstrations(tmp_path / "reach.npz", "panda").has_times
     assert [item.name for item in shown] == ["reach_0", "reach_1"]
     np.testing.assert_array_equal(shown.configurations_array(), joint_arrays()["configurations"])
     np.testing.assert_allclose(shown[0].times, np.arange(20) / 50.0)

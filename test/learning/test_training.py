@@ -132,7 +132,9 @@ def test_canonical_training_is_reproducible_and_depends_on_the_seed(demonstratio
     canonical = replace(TINY, sheet="canonical", orientation_model=None)
     first, again = (train_skill(demonstrations, canonical) for _ in range(2))
     np.testing.assert_array_equal(first.codes, again.codes)
-    other = train_skill(demonstrations, replace(canonical, seed=3))
+    np.testing.assert_allclose(first.pace, PoseForm(demonstrations, canonical.rotation_length).times(100).mean(axis=0))
+    other = train_skill(replace(demonstrations, has_times=False), replace(canonical, seed=3))
+    assert other.pace is None
     assert not np.array_equal(first.codes, other.codes)
 
 

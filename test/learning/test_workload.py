@@ -63,6 +63,6 @@ def test_the_memory_that_is_stated_is_what_the_kernels_take() -> None:
 
 def test_it_says_what_is_about_to_happen() -> None:
     said = str(Workload.of(253, JointTrainingSettings()))
-    for words in ("253 demonstrations", "151800 samples", "5000 steps", "then 200", "500 kernels", "1.92 GB", "time"):
+    for words in ("253 demonstrations", "151800 samples", "5000 steps", "then 200", "500 kernels", "0.64 GB", "time"):
         assert words in said
     assert "then" not in str(Workload.of(1, replace(JointTrainingSettings.paper(), steps=70)))

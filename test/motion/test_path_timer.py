@@ -62,6 +62,26 @@ def test_a_motion_begins_in_the_state_that_it_takes_over_and_ends_at_rest_at_the
         np.testing.assert_allclose(end, [bench.query.goal, *np.zeros((2, len(bench.query.goal)))], atol=1e-9)
 
 
+def test_a_motion_to_the_goal_is_as_fast_as_was_shown_and_one_that_evades_as_fast_as_can_be(bench, path) -> None:
+    """The demonstrations took 40 s, most of them for the second half."""
+    planner = bench.planner
+    tool = LimitedTool(planner.robot, planner.settings.tool_limits(ToolLimits()))
+    parts = planner.graph, 1.0, planner.settings, planner.limits, tool, ArmCertifier(planner.robot, planner.collision)
+    pace = np.interp(np.linspace(0.0, 1.0, 100), [0.0, 0.5, 1.0], [0.0, 10.0, 40.0])
+    halves = {}
+    for shown in (None, pace):
+        for to_goal in (True, False):
+            timed = PathTimer(*parts, shown).time_path(bench.query, resting(bench), path, to_goal, math.inf)
+            progress, _ = planner.graph.progress_map(timed.reference.latent)
+            first = float(np.interp(0.5, np.maximum.accumulate(progress), timed.reference.times))
+            halves[shown is not None, to_goal] = first, timed.reference.duration - first
+    assert halves[True, False] == halves[False, False]
+    # What the progress of the ends lacks to 0 and 1 is not waited for.
+    first, second = halves[True, True]
+    assert max(halves[False, True]) < 5.0 < 8.0 < first < 12.0
+    assert 24.0 < second < 34.0
+
+
 def test_a_path_that_does_not_lead_to_the_goal_ends_where_it_ends(bench, timer, path) -> None:
     """The control: the same half of a path, moved so that it ends at the goal."""
     half = replace(path, polyline=path.polyline[: len(path.polyline) // 2])

@@ -99,14 +99,15 @@ def test_a_canonical_skill_comes_back_bit_by_bit(canonical_fan_skill, canonical_
             assert read.tobytes() == saved.tobytes()
             assert read.dtype == saved.dtype
         assert (loaded.canonical.penalty, loaded.fade) == (skill.canonical.penalty, skill.fade)
+        np.testing.assert_array_equal(loaded.pace, skill.pace)
         np.testing.assert_array_equal(loaded.mean_paths.centres, skill.mean_paths.centres)
         np.testing.assert_array_equal(loaded.mean_paths.precisions, skill.mean_paths.precisions)
 
 
 def with_modes(skill: Skill) -> Skill:
-    """The same skill with two modes, a regression and a fade."""
-    modes = np.array([0, 1, 0, 1, 0, 1, 0])
-    return replace(skill, canonical=replace(skill.canonical, modes=modes, penalty=0.3, fade=4.0))
+    """The same skill with two modes, a regression, a fade and times."""
+    modes, times = np.array([0, 1, 0, 1, 0, 1, 0]), np.linspace(2.0, 5.0, 7)[:, None] * np.linspace(0.0, 1.0, 100)
+    return replace(skill, canonical=replace(skill.canonical, modes=modes, penalty=0.3, fade=4.0, times=times))
 
 
 def test_offsets_of_skills_of_earlier_releases_fade_linearly(canonical_fan_skill, canonical_folder):
@@ -114,6 +115,15 @@ def test_offsets_of_skills_of_earlier_releases_fade_linearly(canonical_fan_skill
     assert Skill.load(canonical_folder).fade == 4.0
     edit(canonical_folder, offset_fade=None)
     assert Skill.load(canonical_folder).fade == 1.0
+
+
+def test_the_pace_is_the_mean_of_the_demonstrations_and_nobody_knows_that_of_earlier_skills(
+    canonical_fan_skill, canonical_folder
+):
+    with_modes(canonical_fan_skill).save(canonical_folder)
+    np.testing.assert_allclose(Skill.load(canonical_folder).pace, np.linspace(0.0, 3.5, 100))
+    rewritten(canonical_folder, canonical_times=None)
+    assert Skill.load(canonical_folder).pace is None
 
 
 def test_a_raw_skill_has_no_sheet_to_carry(fan_skill, folder):
@@ -142,6 +152,11 @@ def rewritten(folder: Path, **changes: np.ndarray | None) -> None:
         ("modes", np.array([0, 0, 2, 2, 0, 0, 0])),
         ("modes", np.zeros(3, dtype=int)),
         ("modes", None),
+        ("times", np.zeros((7, 3))),
+        ("times", np.full((7, 100), np.nan)),
+        ("times", np.tile(np.linspace(1.0, 2.0, 100), (7, 1))),
+        ("times", np.tile(np.linspace(0.0, -1.0, 100), (7, 1))),
+        ("times", np.tile(np.append(0.0, np.linspace(2.0, 1.0, 99)), (7, 1))),
     ],
 )
 def test_broken_arrays_of_the_sheet_are_named(canonical_folder, name, array):

@@ -52,6 +52,47 @@ def test_half_the_speed_takes_about_twice_the_time(motions):
     assert duration == pytest.approx(timed_joint_reference(path, latent, LIMITS).duration / 0.3, rel=0.1)
 
 
+def test_no_point_of_a_path_is_passed_sooner_than_was_shown_and_limits_still_count(motions):
+    """Where the limits allow it takes as long as was shown; a motion that was shown too fast is as fast as can be."""
+    share = np.linspace(0.0, 1.0, 100)
+    for seed in range(20):
+        path = motions.random_path(np.random.default_rng(seed))
+        fastest = timed_joint_reference(path, share[:, None], LIMITS)
+        # Begun slowly, ended fast.
+        shown = 4.0 * fastest.duration * np.sqrt(share)
+        paced = timed_joint_reference(path, share[:, None], LIMITS, shown=shown)
+        motions.assert_plays_within_limits(paced)
+        np.testing.assert_allclose(paced.positions[[0, -1]], path[[0, -1]], atol=1e-9)
+        passed = np.interp(share, paced.latent[:, 0], paced.times)
+        # It gathers speed, is averaged over time, and brakes at the end: later than was shown, hardly ever sooner.
+        assert np.all(passed > shown - 0.02 * shown[-1])
+        assert passed[-1] < shown[-1] + 2.0 * fastest.duration
+        hurried = timed_joint_reference(path, share[:, None], LIMITS, shown=0.01 * shown)
+        assert hurried.duration == pytest.approx(fastest.duration, rel=1e-6)
+
+
+def test_a_motion_that_is_faster_than_was_shown_slows_down_to_it(motions):
+    """Taken over in fast motion, on its own path: it is joined as it is, and the pace is that shown a while later."""
+    share, slowed = np.linspace(0.0, 1.0, 100), 0
+    for seed in range(10):
+        path = motions.random_path(np.random.default_rng(seed))
+        fastest = timed_joint_reference(path, share[:, None], LIMITS)
+        begin = 0.3 * fastest.duration
+        rest = np.concatenate([fastest.sample(begin)[:1], path[share > fastest.latent_at(begin)[0] + 0.02]])
+        along = np.linspace(0.0, 1.0, len(rest))
+        shown = 5.0 * fastest.duration * along
+        paced = timed_joint_reference(rest, along[:, None], LIMITS, *fastest.sample(begin)[1:], shown=shown)
+        if paced is None:
+            continue
+        motions.assert_plays_within_limits(paced)
+        for found, expected in zip(paced.sample(0.0), fastest.sample(begin), strict=True):
+            np.testing.assert_allclose(found, expected, atol=1e-9)
+        half, whole = np.interp([0.5, 1.0], paced.latent[:, 0], paced.times)
+        assert whole - half > 0.9 * 0.5 * shown[-1]
+        slowed += 1
+    assert slowed >= 8
+
+
 @pytest.mark.parametrize("kink", [0.0, 10.0, 30.0])
 def test_a_replan_in_motion_never_jumps_and_keeps_all_limits(motions, kink):
     accepted = tried = 0

@@ -4,6 +4,7 @@ For every fold, skills are trained on the other demonstrations, one per seed. Ro
 (of the task, see `demonstrations.modes`) and for all:
 
 geodesic            the planner's reference, inside the family of the held-out demonstration
+geodesic_fastest    the same, as fast as the limits allow
 geodesic_any        the same through whichever family is the cheapest: from starts and goals that families share
 latent_line         straight line between the latent ends of geodesic, decoded, carried to start and goal as that is
 conditional_mean    what geodesic follows, without a manifold: the demonstrations' weighted mean, carried to start and
@@ -21,6 +22,8 @@ dtw_mm, orientation_deg  mean distance and angle of the tool's poses that are ma
 joint_dtw_rad            mean distance |dtheta| of the matched configurations, after resampling both motions to as many
                          points along the body's arc (`demonstrations.canonical`) and warping in joint space
 pointwise_mm             mean distance of the tool at equal fractions of the body's arc, nothing warped
+speed_mm_s               mean difference of the tool's speeds there, of rows and recordings that have times; a ProMP
+                         takes as long as its demonstrations on average, a DMP as long as the nearest of them
 unanswered               predictions that the planner refused; they count in no mean
 """
 
@@ -36,7 +39,8 @@ import numpy as np
 from scipy.spatial import cKDTree
 from tqdm import tqdm
 
-from geodesic_motion_ros.demonstrations.canonical import ConfigurationForm, remove_offsets, sample_body_arc
+from geodesic_motion_ros.contract.settings import PlannerSettings
+from geodesic_motion_ros.demonstrations.canonical import ConfigurationForm, body_arc, remove_offsets, sample_body_arc
 from geodesic_motion_ros.demonstrations.joint_demonstrations import JointDemonstrations
 from geodesic_motion_ros.geometry.curves import PoseCurve
 from geodesic_motion_ros.geometry.quaternions import continuous_signs
@@ -50,10 +54,10 @@ from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.skill.skill import Skill
 from geodesic_motion_ros.utils.errors import ParameterError
 from geodesic_motion_ros.utils.tables import text_table
-from geodesic_motion_studies.experiments.baselines import require_peers
+from geodesic_motion_studies.experiments.baselines import SAMPLES, require_peers
 from geodesic_motion_studies.experiments.folds import Fold
 from geodesic_motion_studies.experiments.imitation import Progress, stage_shown_on
-from geodesic_motion_studies.experiments.joint_baselines import JOINT_PREDICTORS
+from geodesic_motion_studies.experiments.joint_baselines import JOINT_PREDICTORS, nearest
 from geodesic_motion_studies.tools.averages import mean
 from geodesic_motion_studies.tools.similarity import COMPARED_POINTS, compare, dtw_matching
 
@@ -61,10 +65,12 @@ TrainJoints = Callable[[JointDemonstrations, int, Progress], Skill]
 """train(demonstrations, seed, progress) -> skill."""
 
 ROWS = (
-    "geodesic", "geodesic_any", "latent_line", "conditional_mean", "mean_demonstration", *JOINT_PREDICTORS,
-    "reconstruction", "people",
+    "geodesic", "geodesic_fastest", "geodesic_any", "latent_line", "conditional_mean", "mean_demonstration",
+    *JOINT_PREDICTORS, "reconstruction", "people",
 )  # fmt: skip
-COLUMNS = ("dtw_mm", "orientation_deg", "joint_dtw_rad", "pointwise_mm")
+#: What is taken for the time of a step that takes none [s].
+_SHORTEST_STEP = 1e-4
+COLUMNS = ("dtw_mm", "orientation_deg", "joint_dtw_rad", "pointwise_mm", "speed_mm_s")
 
 
 @dataclass(frozen=True)
@@ -206,7 +212,7 @@ def _train(demonstrations: JointDemonstrations, seed: int, progress: Progress) -
 class _Judge:
     """Measures predictions for the held-out demonstrations of one fold.
 
-    `curves` : (N, S, eta) all demonstrations, equally spaced along the body's arc [rad].
+    `curves` : (N, S, eta) all demonstrations, equally spaced along the body's arc [rad]. `times` : (N, S) [s] theirs.
     """
 
     def __init__(
@@ -221,6 +227,8 @@ class _Judge:
         self.curves = np.stack(
             [sample_body_arc(item.configurations, robot, metric, COMPARED_POINTS) for item in demonstrations]
         )
+        self.times = ConfigurationForm(demonstrations, robot, metric, fade=1.0).times(COMPARED_POINTS)
+        self._has_times = demonstrations.has_times
         self._robot, self._metric, self._fold, self._families = robot, metric, fold, families
         self._shown_families = np.delete(families, fold)
         lost = set(families.tolist()) - set(self._shown_families.tolist())
@@ -239,7 +247,11 @@ class _Judge:
             family = replace(self.shown, items=tuple(self.shown[number] for number in own))
             paths = {"mean_demonstration": self._form.configurations[own].mean(axis=0)}
             paths |= {row: predict(family, *held_out[[0, -1]]) for row, predict in JOINT_PREDICTORS.items()}
-            measured += [self._measured(row, index, None, self._meeting(path, held_out)) for row, path in paths.items()]
+            times = _baseline_times(family, *held_out[[0, -1]])
+            measured += [
+                self._measured(row, index, None, self._meeting(path, held_out), times.get(row))
+                for row, path in paths.items()
+            ]
         return measured
 
     def of_skill(self, skill: Skill, seed: int) -> list[JointMeasurement]:
@@ -250,13 +262,16 @@ class _Judge:
             inside = within_demonstrations(skill, self._shown_families == family)
             own = [index for index in self._fold if self._families[index] == family]
             measured += self._planned("geodesic", inside, own, seed)
+            measured += self._planned("geodesic_fastest", inside, own, seed, PlannerSettings(timing="fastest"))
             if skill.canonical is not None:
                 measured += [self._measured("conditional_mean", i, seed, self._conditional(skill, i)) for i in own]
         return measured
 
-    def _planned(self, row: str, skill: Skill, indices: Sequence[int], seed: int) -> Iterator[JointMeasurement]:
+    def _planned(
+        self, row: str, skill: Skill, indices: Sequence[int], seed: int, settings: PlannerSettings | None = None
+    ) -> Iterator[JointMeasurement]:
         """The planner's path for every demonstration, and beside geodesic the row of the latent line."""
-        planner = ReactivePlanner(skill)
+        planner = ReactivePlanner(skill, settings)
         queries = ConfigurationQueryBuilder(skill, planner.graph, planner.settings, planner.robot, planner.collision)
         for index in indices:
             start, goal = self.curves[index, 0], ConfigurationGoal(self.curves[index, -1:], "that of the demonstration")
@@ -266,8 +281,8 @@ class _Judge:
                 yield JointMeasurement(row, index, int(self._families[index]), seed, {}, refusal)
                 continue
             reference = plan.reference
-            path = reference.samples(np.linspace(0.0, reference.duration, 2 * COMPARED_POINTS))[0]
-            yield self._measured(row, index, seed, path)
+            times = np.linspace(0.0, reference.duration, 10 * COMPARED_POINTS)
+            yield self._measured(row, index, seed, reference.samples(times)[0], times)
             if row == "geodesic":
                 ends = reference.latent[[0, -1]]
                 line = ends[0] + np.linspace(0.0, 1.0, COMPARED_POINTS)[:, None] * (ends[1] - ends[0])
@@ -306,10 +321,36 @@ class _Judge:
         offsets = JointOffsets.between(self._robot, poles, held_out[[0, -1]], fade=skill.fade)
         return rebuilt + offsets.displacements(rebuilt, np.linspace(0.0, 1.0, len(rebuilt)))
 
-    def _measured(self, row: str, index: int, seed: int | None, path: np.ndarray) -> JointMeasurement:
+    def _measured(
+        self, row: str, index: int, seed: int | None, path: np.ndarray, times: np.ndarray | None = None
+    ) -> JointMeasurement:
+        """The values of a path (n, eta) that is passed at times (n,) [s], if it has any."""
         curve = sample_body_arc(path, self._robot, self._metric, COMPARED_POINTS)
         values = _compared(curve, self.curves[index], self._robot)
+        if times is not None and self._has_times:
+            arc = body_arc(path, self._robot, self._metric)
+            passed = np.interp(np.linspace(0.0, arc[-1], COMPARED_POINTS), arc, times)
+            shown = tool_speeds(self.curves[index], self.times[index], self._robot)
+            off = tool_speeds(curve, passed, self._robot) - shown
+            values["speed_mm_s"] = 1e3 * float(np.abs(off).mean())
         return JointMeasurement(row, index, int(self._families[index]), seed, values)
+
+
+def tool_speeds(configurations: np.ndarray, times: np.ndarray, robot: Robot) -> np.ndarray:
+    """Mean speeds (n - 1,) [m/s] of the tool between configurations (n, eta) at times (n,) [s]."""
+    steps = np.linalg.norm(np.diff(tool_curve(configurations, robot).positions, axis=0), axis=1)
+    return steps / np.maximum(np.diff(times), _SHORTEST_STEP)
+
+
+def _baseline_times(train: JointDemonstrations, start: np.ndarray, goal: np.ndarray) -> dict[str, np.ndarray]:
+    """Times (SAMPLES,) [s] of the baselines' motions, by their names."""
+    durations = [item.times[-1] - item.times[0] for item in train]
+    shown = nearest(train, start, goal)
+    return {
+        "nearest_demonstration": shown.resample(SAMPLES).times - shown.times[0],
+        "dmp_nearest": np.linspace(0.0, shown.times[-1] - shown.times[0], SAMPLES),
+        "promp": np.linspace(0.0, np.mean(durations), SAMPLES),
+    }
 
 
 def _nearest(poles: np.ndarray, end: np.ndarray) -> np.ndarray:

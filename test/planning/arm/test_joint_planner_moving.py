@@ -20,6 +20,14 @@ from geodesic_motion_ros.robot.swivel import elbow_position
 from geodesic_motion_ros.utils.deadline import Deadline
 
 
+def check_return(stream, goal, nominal) -> None:
+    """Check that the arm goes to its goal once no obstacle is left."""
+    stream.planner.take_obstacles(Obstacles.none())
+    plan = stream.run(2.0 * nominal.duration)[-1]
+    assert plan.verdict.ok, plan.verdict.reason
+    assert stream.off(goal) < 1e-9
+
+
 def test_what_comes_into_the_path_stops_the_arm_before_it_until_it_is_removed(
     stream, nominal, goal, least_clearance
 ) -> None:
@@ -179,10 +187,7 @@ def test_an_arm_that_has_no_path_evades_what_comes_to_where_it_stands(
         hit = min(hit, least_clearance([stood], sphere))
     assert hit < 0.0 < least
     assert max(stream.jumps) < 1e-6
-    planner.take_obstacles(Obstacles.none())
-    plan = stream.run(2.0 * nominal.duration)[-1]
-    assert plan.verdict.ok, plan.verdict.reason
-    assert stream.off(goal) < 1e-9
+    check_return(stream, goal, nominal)
 
 
 @pytest.mark.parametrize("looks", [None, 4])
@@ -213,10 +218,7 @@ def test_an_arm_that_has_arrived_makes_room_for_what_comes_and_returns(
         hit = min(hit, least_clearance([goal], sphere))
     assert hit < 0.0 < least
     assert max(stream.jumps) < 1e-6
-    planner.take_obstacles(Obstacles.none())
-    plan = stream.run(2.0 * nominal.duration)[-1]
-    assert plan.verdict.ok, plan.verdict.reason
-    assert stream.off(goal) < 1e-9
+    check_return(stream, goal, nominal)
 
 
 def test_an_arm_that_can_only_evade_narrowly_does(stream, start, goal, nominal, least_clearance) -> None:
