@@ -25,11 +25,12 @@ from geodesic_motion_ros.learning.densities import (
 )
 from geodesic_motion_ros.learning.networks import MultilayerPerceptron, RadialBasisNetwork, as_array, layer_arrays
 from geodesic_motion_ros.manifold.decoder import TaskSpaceDecoder
+from geodesic_motion_ros.manifold.encoder import PRIOR_REACH
 from geodesic_motion_ros.manifold.joint_decoder import JointSpaceDecoder
 
 OrientationModel = Literal["two_cluster", "sign_blind", "none"]
 #: Deviation of progress while the means are learned: the other half of a stroke that retraces itself is far from it.
-PROGRESS_SIGMA = 0.05
+PROGRESS_SIGMA = 0.15
 
 
 class Means(NamedTuple):
@@ -117,6 +118,9 @@ class EncoderNetwork(nn.Module):
                 fractions = along.expand(coordinates.shape[:-1])
             inputs.append(2.0 * fractions[..., None] - 1.0)
         mean, log_variance = self.perceptron(torch.cat(inputs, dim=-1)).chunk(2, dim=-1)
+        if self.progress:
+            # From the prior's mean on: where a sample lies along the strip is known before anything is learned.
+            mean = mean + nn.functional.pad(PRIOR_REACH * inputs[-1], (0, mean.shape[-1] - 1))
         return mean, log_variance
 
     def arrays(self) -> dict[str, np.ndarray]:

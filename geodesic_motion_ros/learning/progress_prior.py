@@ -11,9 +11,7 @@ import torch
 from torch import Tensor
 
 from geodesic_motion_ros.learning.settings import CommonSettings
-
-#: The canonical sheet runs from -PRIOR_REACH to PRIOR_REACH on the first latent axis.
-PRIOR_REACH = 3.0
+from geodesic_motion_ros.manifold.encoder import PRIOR_REACH
 
 
 def prior_means(fractions: np.ndarray, settings: CommonSettings) -> np.ndarray:

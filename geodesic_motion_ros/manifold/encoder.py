@@ -10,11 +10,15 @@ import numpy as np
 from geodesic_motion_ros.manifold.perceptron import Perceptron
 from geodesic_motion_ros.utils.checked_numbers import SMALLEST_SCALE
 
+#: The canonical sheet runs from -PRIOR_REACH to PRIOR_REACH on the first latent axis, by the prior.
+PRIOR_REACH = 3.0
+
 
 @dataclass(frozen=True)
 class TaskSpaceEncoder(Perceptron):
     """Mean of q(z | x, q): the perceptron's outputs at y = ((x - position_offset) / position_scale, q), or of
-    q(z | x, q, s) at y = (..., 2 s - 1), where it reads progress, the fraction s of the arc.
+    q(z | x, q, s) at y = (..., 2 s - 1), where it reads progress, the fraction s of the arc: these are added to the
+    prior's mean, (PRIOR_REACH (2 s - 1), 0, ...).
 
     Positions [m] in the skill's base frame; the sign of the quaternion matters: in a two-cluster skill q and -q have
     codes in different clusters.
@@ -31,7 +35,7 @@ class TaskSpaceEncoder(Perceptron):
         curves (..., T, 3), (..., T, 4), equally spaced along their arcs.
         """
         scaled = (positions - self.position_offset) / self.position_scale
-        return self.outputs(_with_progress(np.concatenate([scaled, quaternions], axis=-1), self.W1.shape[1]))
+        return _encoded(self, np.concatenate([scaled, quaternions], axis=-1))
 
     def expected_shapes(self) -> dict[str, tuple[int, ...]]:
         inputs = 8 if self.W1.shape[-1:] == (8,) else 7
@@ -41,7 +45,8 @@ class TaskSpaceEncoder(Perceptron):
 @dataclass(frozen=True)
 class JointSpaceEncoder(Perceptron):
     """Mean of q(z | theta): the perceptron's outputs at y = (theta - joint_offset) / joint_scale, or of q(z | theta, s)
-    at y = (..., 2 s - 1), where it reads progress, the fraction s of the arc.
+    at y = (..., 2 s - 1), where it reads progress, the fraction s of the arc: these are added to the prior's mean,
+    (PRIOR_REACH (2 s - 1), 0, ...).
     """
 
     network: ClassVar[str] = "encoder"
@@ -54,8 +59,7 @@ class JointSpaceEncoder(Perceptron):
         """Codes (..., d) of configurations (..., eta) [rad]; where it reads progress, of whole curves (..., T, eta),
         equally spaced along their arcs.
         """
-        scaled = (configurations - self.joint_offset) / self.joint_scale
-        return self.outputs(_with_progress(scaled, self.W1.shape[1]))
+        return _encoded(self, (configurations - self.joint_offset) / self.joint_scale)
 
     def expected_shapes(self) -> dict[str, tuple[int, ...]]:
         inputs = self.W1.shape[-1]
@@ -63,9 +67,11 @@ class JointSpaceEncoder(Perceptron):
         return super().expected_shapes() | {"joint_offset": (joints,), "joint_scale": ()}
 
 
-def _with_progress(inputs: np.ndarray, width: int) -> np.ndarray:
-    """Inputs (..., T, n) of an encoder with so many, 2 s - 1 among them where they are n + 1."""
-    if inputs.shape[-1] == width:
-        return inputs
+def _encoded(encoder: Perceptron, inputs: np.ndarray) -> np.ndarray:
+    """Codes (..., T, d) of an encoder's inputs (..., T, n), 2 s - 1 beside them where it reads one more."""
+    if inputs.shape[-1] == encoder.W1.shape[1]:
+        return encoder.outputs(inputs)
     progress = np.broadcast_to(np.linspace(-1.0, 1.0, inputs.shape[-2]), inputs.shape[:-1])
-    return np.concatenate([inputs, progress[..., None]], axis=-1)
+    codes = encoder.outputs(np.concatenate([inputs, progress[..., None]], axis=-1))
+    codes[..., 0] += PRIOR_REACH * progress
+    return codes

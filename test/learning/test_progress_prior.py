@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from geodesic_motion_ros.learning.progress_prior import PRIOR_REACH, prior_means, prior_variance
+from geodesic_motion_ros.learning.progress_prior import prior_means, prior_variance
 from geodesic_motion_ros.learning.settings import TrainingSettings
 
 

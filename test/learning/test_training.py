@@ -9,11 +9,10 @@ from geodesic_motion_ros.demonstrations.demonstrations import Demonstration, Dem
 from geodesic_motion_ros.demonstrations.modes import blend_weights
 from geodesic_motion_ros.geometry.quaternions import angle_between
 from geodesic_motion_ros.learning.likelihoods import PoseLikelihood
-from geodesic_motion_ros.learning.progress_prior import PRIOR_REACH
 from geodesic_motion_ros.learning.settings import TrainingSettings
 from geodesic_motion_ros.learning.shown_task import ShownPoses
 from geodesic_motion_ros.learning.training import train_model, train_skill
-from geodesic_motion_ros.manifold.encoder import TaskSpaceEncoder
+from geodesic_motion_ros.manifold.encoder import PRIOR_REACH, TaskSpaceEncoder
 from geodesic_motion_ros.manifold.pose_graph import MetricSettings
 from geodesic_motion_ros.utils.errors import ParameterError
 
