@@ -91,7 +91,8 @@ class ServerProbe(Probe):
     Attributes
     ----------
     obstacle : its time begins when the goal is sent; None: there is none.
-    mode, said : of the driver, the newest. stops : what it said each time that the arm stopped to follow by itself.
+    mode, said, values : of the driver, the newest.
+    stops : what it said each time that the arm stopped to follow by itself.
     commanded_times (n,), commanded (n, 14) : positions [rad], velocities [rad/s] commanded since the goal.
     measured : (m, 14) of the recording's `joint_times`.
     """
@@ -109,6 +110,7 @@ class ServerProbe(Probe):
         """As of `Probe`; patience : the longest wait for the nodes [s]."""
         self._robot, self.obstacle = Robot.named(skill.robot), obstacle
         self.mode = self.said = ""
+        self.values: dict[str, str] = {}
         self.stops: list[str] = []
         self.commanded_times: list[float] = []
         self.commanded: list[np.ndarray] = []
@@ -213,7 +215,7 @@ class ServerProbe(Probe):
     def _on_driver(self, message: DiagnosticArray) -> None:
         status = message.status[0]
         before, self.mode = self.mode, status.message.partition(":")[0]
-        self.said = status.message
+        self.said, self.values = status.message, {value.key: value.value for value in status.values}
         if self.mode == "REFLEX" != before or (self.mode == "CONNECTING" and before == "FOLLOWING"):
             self.stops.append(status.message)
         elif self.stops and self.mode == before == self.stops[-1].partition(":")[0]:

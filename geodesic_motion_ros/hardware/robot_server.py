@@ -107,6 +107,7 @@ def main() -> None:
         server = PatientServer(float(speed), host=address, enable_gripper=False, physics_sim=OwnTime(), **enforced)
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda number, frame: os._exit(0))  # it holds nothing but memory
+    print(f"an arm at {address}, until Ctrl-C", flush=True)
     server.start()
 
 

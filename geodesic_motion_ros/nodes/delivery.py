@@ -93,8 +93,9 @@ class TransitWatch:
         if longest <= LATEST:
             return ""
         return (
-            f"messages of the arm are up to {1e3 * longest:.0f} ms late, or pause so long: trajectories that arrive so "
-            f"late are a step, for takeovers are {1e3 * LATEST:.0f} ms later at most; a less busy machine would do"
+            f"messages of the arm came up to {1e3 * longest:.0f} ms late: a trajectory that late does not reach it in "
+            f"time, which is planned for with {1e3 * LATEST:.0f} ms. Once, as programs start: nothing to do; again and "
+            "again: the machine or the network is too busy"
         )
 
 

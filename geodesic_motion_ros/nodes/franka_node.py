@@ -171,6 +171,7 @@ class FrankaNode(LoopingNode):
             "success_rate": state.success,
             "lost_cycles": state.lost,
             "tracking_error_mrad": 1000.0 * error,
+            "commanded_speed_mrad_s": 1000.0 * float(np.max(np.abs(state.commanded_velocities))),
             "stamp_age_ms": 1000.0 * self._age,
             "refused_input": self.refusals.newest(within=1.0),
             **{f"refused_{topic}": count for topic, count in sorted(self.refusals.counts.items())},

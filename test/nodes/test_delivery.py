@@ -67,7 +67,7 @@ def test_a_silence_is_no_pause_and_what_is_too_late_to_be_allowed_for_is_a_remar
     now += 0.2
     watch.take(TODAY + now - 0.001, arrival(now))
     assert "up to 190 ms late" in watch.remark(now)
-    assert "150 ms later at most" in watch.remark(now)
+    assert "planned for with 150 ms" in watch.remark(now)
 
 
 @pytest.mark.parametrize("ahead", [-3.0, 3.0, -TODAY + 5.0])

@@ -189,9 +189,11 @@ def test_an_arm_whose_planner_is_killed_rests_on_its_path(bench: Bench) -> None:
     probe.prepare()
     probe.begin()
     probe.wait(lambda: probe.fastest() > 0.2, "the arm in motion")
+    probe.wait(lambda: float(probe.values["commanded_speed_mrad_s"]) > 100.0, "the status to say how fast")
     bench.processes.end("planner", signal.SIGKILL)
     place = probe.drive[:7]
     probe.wait(probe.stands, "the arm at rest")
+    probe.wait(lambda: float(probe.values["commanded_speed_mrad_s"]) == 0.0, "the status to say that it rests")
     assert np.abs(probe.drive[:7] - place).max() > 0.02
     assert probe.mode == "FOLLOWING"
     assert not probe.stops
