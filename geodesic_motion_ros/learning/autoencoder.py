@@ -134,8 +134,13 @@ class DecoderNetwork(nn.Module):
 
     def combined_precisions(self, activations: Tensor) -> Precisions:
         """1 / sigma and kappa from the activations (..., K) of the kernels that both networks share."""
-        kappa = None if self.kappa is None else self.kappa.combine(activations)[..., 0]
-        return Precisions(self.inverse_sigma.combine(activations), kappa)
+        networks = [network for network in (self.inverse_sigma, self.kappa) if network is not None]
+        # One product for all: the activations, which are many, are read once.
+        values = activations @ torch.cat([network.weights for network in networks]).T
+        inverse_sigma, *kappa = (values + torch.cat([network.floor for network in networks])).split(
+            [len(network.floor) for network in networks], dim=-1
+        )
+        return Precisions(inverse_sigma, kappa[0][..., 0] if kappa else None)
 
     def set_precisions(self, inverse_sigma: RadialBasisNetwork, kappa: RadialBasisNetwork | None = None) -> None:
         """Install the radial-basis networks, which must have the same centres and rate; kappa for directions alone."""
