@@ -212,7 +212,8 @@ def run(arguments: argparse.Namespace, measures: Mapping[str, Measure] | None = 
     if space == "task" and demonstrations.has_orientation and arguments.demos is not None:
         refuse_unsaid_order(arguments, arguments.demos, demonstrations)
         _report_orientations(arguments, demonstrations)
-    print(training.workload(), flush=True)
+    workload = training.workload()
+    print(f"{workload}; about {workload.measure_seconds():.0f} s on this machine, if it is not busy", flush=True)
     with progress_bar(paths[0].stem) as progress:
         skill = training.learn(name, progress, _provenance(arguments, paths))
     if scene is not None:

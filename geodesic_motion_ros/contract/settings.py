@@ -225,7 +225,8 @@ class PlannerSettings:
         That of the angular acceleration follows: full angular speed is reached in the time that full speed takes.
     speed_override : in (0, 1]: the limits of all speeds, of the joints and of the tool, are this share of the above.
     timing : "demonstrated": a motion to a goal is nowhere faster, at the same progress, than the demonstrations were on
-        average, if the skill knows, times `speed_override`; "fastest": as fast as the limits allow.
+        average, if the skill knows, times `speed_override`, but where what moves leaves no such motion; "fastest": as
+        fast as the limits allow.
     latency : a new reference takes over this long after its planning began [s].
     detour : how far the tool may leave what was demonstrated where obstacles block every demonstrated path, up to
         `LARGEST_DETOUR`, if it was declared what stands around the arm, and where it evades; 0: it waits there, and

@@ -175,9 +175,14 @@ class DecoderNetwork(nn.Module):
 
     def combined_precisions(self, activations: Tensor) -> Precisions:
         """1 / sigma and kappa from the activations (..., K) of the kernels that both networks share."""
-        kappa = None if self.kappa is None else self.kappa.combine(activations)[..., 0]
-        progress = None if self.progress is None else self.progress.combine(activations)[..., 0]
-        return Precisions(self.inverse_sigma.combine(activations), kappa, progress)
+        networks = [network for network in (self.inverse_sigma, self.kappa, self.progress) if network is not None]
+        # One product for all: the activations, which are many, are read once.
+        values = activations @ torch.cat([network.weights for network in networks]).T
+        inverse_sigma, *others = (values + torch.cat([network.floor for network in networks])).split(
+            [len(network.floor) for network in networks], dim=-1
+        )
+        kappa = None if self.kappa is None else others.pop(0)[..., 0]
+        return Precisions(inverse_sigma, kappa, others[0][..., 0] if others else None)
 
     def set_precisions(
         self,

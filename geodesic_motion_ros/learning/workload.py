@@ -85,7 +85,7 @@ class Workload:
                 f" of the means, then {self.settings.precision_iterations} of the deviations, {self.kernels} kernels "
                 f"on {self.fitted} draws"
             )
-        return f"{learned}; {memory}; the bar shows the time left of each stage"
+        return f"{learned}; {memory}"
 
 
 def _fastest(work: Callable[[], None], times: int = 5) -> float:

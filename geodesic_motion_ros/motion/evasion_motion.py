@@ -109,7 +109,7 @@ def evasion_beside_graph(
     tried = workings.evasions.pop("beside_graph", 0)
     for number, curve in enumerate(islice(targets, tried, constants.EVASION_DISPLACED), tried + 1):
         standing = JointCurve(curve, np.repeat(latent, len(curve), axis=0), 0.0)
-        timed = solver.timer.time_curve(state, standing, to_goal=False)
+        timed = solver.timer.time_curve(state, standing, paced=False)
         if not isinstance(timed, Refusal):
             certificate, met = solver.certifier.assess_leaving(timed.swept, obstacles, requirement, stop)
             if not (met or solver.certifier.seen_objection(timed.swept, seen)):

@@ -29,6 +29,10 @@ from geodesic_motion_ros.trajectory.limited_tool import LimitedTool
 from geodesic_motion_ros.trajectory.timing import timed_joint_reference
 from geodesic_motion_ros.trajectory.trajectory import JointReference
 
+#: Width [grid steps] by which the times of a paced motion are smoothed: progress is tabulated on the grid, and its
+#: changes from node to node would be changes of speed.
+PACE_WIDTH = 3.0
+
 
 @dataclass(frozen=True)
 class JointCurve:
@@ -83,14 +87,28 @@ class PathTimer:
         self._progress_map = graph.progress_map
         self._pace = None if pace is None else pace / settings.speed_override
 
+    @property
+    def is_paced(self) -> bool:
+        """Whether motions to a goal are slower than they could be."""
+        return self._pace is not None
+
     def time_path(
-        self, query: ArmQuery, state: MotionState, path: LatentPath, to_goal: bool, longest: float
+        self,
+        query: ArmQuery,
+        state: MotionState,
+        path: LatentPath,
+        to_goal: bool,
+        longest: float,
+        paced: bool = True,
     ) -> TimedPath | Refusal:
-        """Return the motion along a path, by its configurations (`joint_curve`); or why there is none."""
+        """Return the motion along a path, by its configurations (`joint_curve`); or why there is none.
+
+        paced : to a goal it is no faster than was shown.
+        """
         curve = self.joint_curve(query, state.position, path, to_goal)
         if isinstance(curve, Refusal):
             return curve
-        return self.time_curve(state, curve, longest, to_goal)
+        return self.time_curve(state, curve, longest, to_goal and paced)
 
     def joint_curve(
         self, query: ArmQuery, start: np.ndarray, path: LatentPath, to_goal: bool
@@ -104,15 +122,15 @@ class PathTimer:
         return meet_ends(curve, latent, start, query.goal if to_goal else curve[-1])
 
     def time_curve(
-        self, state: MotionState, curve: JointCurve, longest: float = math.inf, to_goal: bool = True
+        self, state: MotionState, curve: JointCurve, longest: float = math.inf, paced: bool = True
     ) -> TimedPath | Refusal:
         """Time a curve that begins where the arm is; or return why no motion along it takes less than `longest` [s].
 
-        to_goal : it is no faster than was shown. What evades is as fast as can be.
+        paced : it is no faster than was shown. What evades is as fast as can be.
         """
         reference = timed_joint_reference(
             curve.configurations, curve.latent, self._limits, state.velocity, state.acceleration, tool=self._tool,
-            longest=longest, shown=self._shown(curve.latent) if to_goal else None,
+            longest=longest, shown=self._shown(curve.latent) if paced else None,
         )  # fmt: skip
         if reference is None:
             reason = self._untimed(state, curve.configurations, longest)
@@ -124,7 +142,8 @@ class PathTimer:
         if self._pace is None:
             return None
         progress, _ = self._progress_map(latent)
-        return np.maximum.accumulate(np.interp(progress, np.linspace(0.0, 1.0, len(self._pace)), self._pace))
+        passed = np.interp(progress, np.linspace(0.0, 1.0, len(self._pace)), self._pace)
+        return smooth_latent(np.maximum.accumulate(passed)[:, None], PACE_WIDTH)[:, 0]
 
     def _untimed(self, state: MotionState, curve: np.ndarray, longest: float) -> str:
         """Why there is no motion along configurations (m, eta) from a state, within `longest` [s]."""

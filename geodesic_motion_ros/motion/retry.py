@@ -92,7 +92,7 @@ class Workings:
     begun: BegunSearch | None = None
     evasions: dict[str, int] = field(default_factory=dict)
     timed_from: tuple[ArmQuery, MotionState] | None = None
-    motions: dict[tuple[bytes, bool, float], TimedPath | Refusal] = field(default_factory=dict)
+    motions: dict[tuple[bytes, bool, float, bool], TimedPath | Refusal] = field(default_factory=dict)
 
     def copy(self) -> Workings:
         """Return the same, for one tick to go on with."""
@@ -105,16 +105,23 @@ class Workings:
         return begun if begun is not None and begun.is_of(body, obstacles) else None
 
     def time_path(
-        self, timer: PathTimer, query: ArmQuery, state: MotionState, path: LatentPath, to_goal: bool, longest: float
+        self,
+        timer: PathTimer,
+        query: ArmQuery,
+        state: MotionState,
+        path: LatentPath,
+        to_goal: bool,
+        longest: float,
+        paced: bool = True,
     ) -> TimedPath | Refusal:
         """Time a path once for a query and a state of motion (`PathTimer.time_path`): an arm that waits finds the same
         paths each time.
         """
         if not self._are_from(query, state) or len(self.motions) >= _MOST_REMEMBERED:
             self.timed_from, self.motions = (query, state), {}
-        key = path.polyline.tobytes(), to_goal, longest
+        key = path.polyline.tobytes(), to_goal, longest, paced
         if key not in self.motions:
-            self.motions[key] = timer.time_path(query, state, path, to_goal, longest)
+            self.motions[key] = timer.time_path(query, state, path, to_goal, longest, paced)
         return self.motions[key]
 
     def _are_from(self, query: ArmQuery, state: MotionState) -> bool:

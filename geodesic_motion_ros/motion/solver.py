@@ -172,6 +172,10 @@ class Solver:
             curve = search.refine(path, attempt.multiple)
             timed = workings.time_path(self.timer, query, state, curve, True, longest)
             plan = self._judged(query, state, curve, timed, obstacles, requirement, ends, longest)
+            if plan.trajectory is None and self.timer.is_paced and not obstacles.is_static:
+                # What moves leaves no time for a motion as slow as was shown.
+                timed = workings.time_path(self.timer, query, state, curve, True, longest, paced=False)
+                plan = self._judged(query, state, curve, timed, obstacles, requirement, ends, longest)
             first = path if attempt == self.attempts[0] else first
             if plan.trajectory is not None:
                 return replace(plan, path=path) if attempt == self.attempts[0] else plan

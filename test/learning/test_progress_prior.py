@@ -7,6 +7,7 @@ import pytest
 
 from geodesic_motion_ros.learning.progress_prior import prior_means, prior_variance
 from geodesic_motion_ros.learning.settings import TrainingSettings
+from geodesic_motion_ros.manifold.encoder import PRIOR_REACH
 
 
 @pytest.mark.parametrize("dimension", [2, 3])

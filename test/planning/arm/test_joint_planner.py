@@ -121,6 +121,36 @@ def test_a_motion_that_would_be_no_gain_is_not_certified(planner, start, goal) -
     assert "would be a gain" in refused.verdict.reason
 
 
+def test_a_motion_is_as_fast_as_was_shown_but_where_what_moves_would_meet_it(reach_skill, planner, start, goal) -> None:
+    """The demonstrations took twice as long as the limits would. A ball crosses their path halfway, when the arm
+    would be there that slow; as fast as can be it is past before.
+    """
+
+    def solved(timing: str, obstacles: Obstacles) -> Plan:
+        quick = replace(planner.settings, timing=timing, speed_scale=1.0, acceleration_scale=1.0, prediction=4.0)
+        paced = ReactivePlanner(skill, quick)
+        paced.take_obstacles(obstacles)
+        paced.stand_at(start, 0.0)
+        assert paced.set_goal_configuration(goal).ok
+        return paced.tick(0.0)
+
+    skill, free = reach_skill, Obstacles.none()
+    fastest = solved("fastest", free)
+    count, samples = skill.codes.shape[:2]
+    times = np.tile(np.linspace(0.0, 2.0 * fastest.reference.duration, samples), (count, 1))
+    skill = replace(reach_skill, canonical=replace(reach_skill.canonical, times=times))
+    shown = solved("demonstrated", free)
+    assert shown.reference.duration > 1.6 * fastest.reference.duration
+    assert 0.5 * shown.reference.duration < 4.0
+    # From below, halfway in the slow motion.
+    when, velocity = 0.5 * shown.reference.duration, np.array([0.0, 0.0, 0.4])
+    place, _ = planner.robot.forward(shown.reference.sample(when)[0])
+    ball = Obstacles.of_spheres((place - when * velocity)[None], np.array([0.04]), velocity[None])
+    passed = solved("demonstrated", ball)
+    assert passed.verdict.ok
+    assert passed.reference.duration < 1.3 * fastest.reference.duration
+
+
 def test_a_path_that_is_found_again_is_not_judged_again(stream, nominal, on_elbow, monkeypatch) -> None:
     """An obstacle that comes from afar is felt by the search all along. The control: one that blocks the path."""
     judged, timed = [], PathTimer.time_path
