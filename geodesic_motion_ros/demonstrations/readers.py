@@ -63,7 +63,7 @@ def read_demonstrations(
     columns : names of the columns, separated by commas, in the order of the file: `px,py,pz,qw,qx,qy,qz`, with `t` [s]
         where the file has times. `px,py,pz` alone: no orientation. `px,py` alone: planar, at z = 0. Of text with any
         header (`.txt`, `.csv`) our names and those of the file: `t=stamp,px=x,py=y,pz=z`.
-    rate_hz : samples a second of files that have no times; None: nobody knows, ASSUMED_RATE is taken.
+    rate_hz : samples a second of files that have no times; None: not known, ASSUMED_RATE is taken.
 
     Returns
     -------
@@ -122,7 +122,7 @@ def read_joint_demonstrations(path: str | Path, robot: str, rate_hz: float | Non
         called like the joints, in any order; `t` [s] may be among them;
         a folder with `.csv` files of this kind.
     robot : name of the arm, as `Robot.named` knows it; the joints of the file must be its joints.
-    rate_hz : samples a second of files that have no times; None: nobody knows, ASSUMED_RATE is taken.
+    rate_hz : samples a second of files that have no times; None: not known, ASSUMED_RATE is taken.
 
     Returns
     -------

@@ -53,7 +53,7 @@ def name_in_errors(path: Path) -> Iterator[None]:
 def read_pose_tables(path: Path, names: tuple[str, ...], rate_hz: float | None) -> dict[str, Table]:
     """Read the tables of a recording of poses, by the names of the demonstrations; names : of its columns, in order.
 
-    rate_hz : samples a second of files that have no times; None: nobody knows.
+    rate_hz : samples a second of files that have no times; None: not known.
 
     Raises
     ------

@@ -24,8 +24,8 @@ from geodesic_motion_ros.utils.checked_files import brief
 from geodesic_motion_ros.utils.checked_numbers import ARM_REACH, LARGEST_TURN, check_array, check_range, check_unit
 from geodesic_motion_ros.utils.errors import SkillError
 
-#: Demonstrations take no longer than this [s]: a day.
-LONGEST_DEMONSTRATION = 86_400.0
+#: No two times of a recording are further apart [s].
+LONGEST_DEMONSTRATION = 1e11
 #: What a turn of one radian counts against a distance where offsets are compared [m].
 METRES_PER_RADIAN = 0.1
 #: The same for the six numbers of an offset: translation [m] and rotation vector [rad].
@@ -43,7 +43,7 @@ class DemonstratedEnds(ABC):
     penalty : of the regression on start and goal offsets; inf: the mean.
     fade : exponent with which a start's offset was taken out along the motion, and is put in again, see
         `demonstrations.fade`.
-    times : (N, S) [s] when each demonstration came to its samples, 0 at the first; None: nobody knows.
+    times : (N, S) [s] when each demonstration came to its samples, 0 at the first; None: not recorded.
     """
 
     start_offsets: np.ndarray
@@ -89,7 +89,7 @@ class DemonstratedEnds(ABC):
 
     @property
     def pace(self) -> np.ndarray | None:
-        """The mean time (S,) [s] at which demonstrations had come so far along; None: nobody knows."""
+        """The mean time (S,) [s] at which demonstrations had come so far along; None: not recorded."""
         return None if self.times is None else self.times.mean(axis=0)
 
     def check_numbers(self, name: str) -> None:

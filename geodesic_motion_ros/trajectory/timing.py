@@ -89,11 +89,13 @@ def timed_joint_reference(
     tool = None if tool is None or not tool.limits.limited else tool
     curve = _PathCurve.through(path, latent, limits)
     constraints = _constraints(curve.grid_motion, limits, tool)
-    pace = None if shown is None else curve.pace(np.asarray(shown, dtype=float))
+    if shown is not None:
+        paced = curve.paced(np.asarray(shown, dtype=float), curve.initial_rate(velocity, limits))
+        constraints = np.concatenate([constraints, paced], axis=2)
     state = np.stack([path[0], velocity, acceleration])
     slow, width = np.ones(len(curve.grid)), averaging_width(_SMOOTHING, limits)
     for attempts in range(1, _ATTEMPTS + 1):
-        law, begin = _planned_law(curve, limits, constraints, pace, slow, width, velocity, acceleration)
+        law, begin = _planned_law(curve, limits, constraints, slow, width, velocity, acceleration)
         if law.end - begin > longest + _ROUNDING:
             return None
         attempt, fading = _played(curve, law, begin, limits, tool, state, period)
@@ -162,10 +164,21 @@ class _PathCurve:
         grid = np.interp(np.arange(pieces * (len(kept) - 1) + 1) / pieces, np.arange(len(kept)), knots)
         return cls(knots, kept, positions, bends, latent[kept], grid, spline_samples(knots, positions, bends, grid))
 
-    def pace(self, shown: np.ndarray) -> np.ndarray:
-        """The rates s' (g,) of a motion that passes the points of the path at the times `shown` [s]."""
+    def initial_rate(self, velocity: np.ndarray, limits: JointLimits) -> float:
+        """The rate s' at which a motion of a velocity (eta,) passes the first point; it does not go back."""
+        slope = self.grid_motion[1, 0] / limits.acceleration
+        length = float(slope @ slope)
+        return max(0.0, float(slope @ (velocity / limits.acceleration)) / length) if length > 0.0 else 0.0
+
+    def paced(self, shown: np.ndarray, rate: float) -> np.ndarray:
+        """The parameter s as one more "joint" (4, g, 1), as of `_constraints`: no faster than a motion that passes the
+        points of the path at the times `shown` [s], and slowing down to that from a rate.
+        """
         rates = np.diff(self.knots) / np.maximum(np.diff(shown[self.kept]), _SHORTEST_CHORD)
-        return np.interp(self.grid, 0.5 * (self.knots[1:] + self.knots[:-1]), rates)
+        pace = np.interp(self.grid, 0.5 * (self.knots[1:] + self.knots[:-1]), rates)
+        row = np.zeros((4, len(pace), 1))
+        row[0], row[2, :, 0], row[3] = 1.0, np.maximum(pace, rate - self.grid / _SLOWING), _UNLIMITED
+        return row
 
     def motion(self, law: np.ndarray) -> np.ndarray:
         """Positions, velocities and accelerations (3, k, eta) where s, s' and s'' are (3, k)."""
@@ -222,7 +235,6 @@ def _planned_law(
     curve: _PathCurve,
     limits: JointLimits,
     constraints: np.ndarray,
-    pace: np.ndarray | None,
     slow: np.ndarray,
     width: float,
     velocity: np.ndarray,
@@ -230,22 +242,17 @@ def _planned_law(
 ) -> tuple[SmoothLaw, float]:
     """The averaged law along a curve, slowed down by factors (g,) of the rate, and when in it the motion begins.
 
-    constraints : as of `_constraints`. pace : (g,) largest rates; None: any. width : as of `SmoothLaw` [s].
+    constraints : as of `_constraints`. width : as of `SmoothLaw` [s].
     """
+    slopes, bends = constraints[:2]
+    speeds, accelerations = slow[:, None] * constraints[2], slow[:, None] ** 2 * constraints[3]
     slope, bend = curve.grid_motion[1:, 0] / limits.acceleration
     length = float(slope @ slope)
     moving = length > 0.0 and (velocity.any() or acceleration.any())
-    rate = max(0.0, float(slope @ (velocity / limits.acceleration)) / length) if moving else 0.0
-    if pace is not None:
-        # What it takes over slows down to the pace over a while.
-        paced = np.stack([np.ones(len(pace)), np.zeros(len(pace)), np.maximum(pace, rate - curve.grid / _SLOWING)])
-        paced = np.concatenate([paced, np.full((1, len(pace)), _UNLIMITED)])
-        constraints = np.concatenate([constraints, paced[:, :, None]], axis=2)
-    slopes, bends = constraints[:2]
-    speeds, accelerations = slow[:, None] * constraints[2], slow[:, None] ** 2 * constraints[3]
     if not moving:
         rates = fastest_rates(curve.grid, slopes, bends, speeds, accelerations, 0.0)
         return SmoothLaw.along(curve.grid, rates, width), -width
+    rate = curve.initial_rate(velocity, limits)
     rates = fastest_rates(curve.grid, slopes, bends, speeds, accelerations, rate)
     change = float(slope @ (acceleration / limits.acceleration - bend * rates[0] ** 2)) / length
     return SmoothLaw.along(curve.grid, rates, width, change), 0.0

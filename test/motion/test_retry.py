@@ -73,7 +73,9 @@ class CountingTimer:
 
 
 def test_one_path_from_one_state_is_timed_once() -> None:
-    """Not so another path, from another state, for another query, or as far as another end: the controls."""
+    """Not so another path, from another state, for another query, as far as another end, or at another pace: the
+    controls.
+    """
     timer, workings = CountingTimer(), Workings()
     path = LatentPath(np.arange(2), np.zeros((2, 3)), energy=0.0, gap=0.0)
     state = MotionState(0.0, HERE, HERE, HERE, None)
@@ -84,9 +86,10 @@ def test_one_path_from_one_state_is_timed_once() -> None:
         (QUERY, state, replace(path, polyline=np.ones((2, 3))), True), (QUERY, state, path, False),
         (QUERY, replace(state, velocity=THERE), path, True), (OTHER, state, path, True),
     ]  # fmt: skip
+    assert workings.time_path(timer, QUERY, state, path, True, math.inf, paced=False) is not first
     for number, other in enumerate(others):
         assert workings.time_path(timer, *other, math.inf) is not first
-        assert timer.timed_paths == number + 2
+        assert timer.timed_paths == number + 3
 
 
 def test_a_copy_goes_on_and_its_original_stays_as_it_was() -> None:

@@ -125,6 +125,26 @@ def test_faster_in_motion_it_is_timed_anew_and_arrives_sooner(stream, nominal, g
     assert all(reference.keeps(stream.planner.limits) for reference in stream.handed)
 
 
+@pytest.mark.parametrize(("before", "after"), [("fastest", "demonstrated"), ("demonstrated", "fastest")])
+def test_another_timing_in_motion_is_another_duration_of_the_rest(reach_skill, nominal, start, goal, before, after):
+    """The demonstrations took three times as long as the limits would. The control: the timing from before."""
+    count, samples = reach_skill.codes.shape[:2]
+    times = np.tile(np.linspace(0.0, 3.0 * nominal.duration, samples), (count, 1))
+    skill = replace(reach_skill, canonical=replace(reach_skill.canonical, times=times))
+    took = {}
+    for timing in (before, after):
+        planner = ReactivePlanner(skill, PlannerSettings(grid_shape=(30, 30, 30), timing=before))
+        stream = Stream(planner)
+        stream.stand_at(start)
+        assert planner.set_goal_configuration(goal).ok
+        stream.run(0.4 * nominal.duration)
+        assert planner.change_settings(timing=timing).ok
+        took[timing] = until_rest(stream, goal, 4.0 * nominal.duration)
+        assert max(stream.jumps) < ROUNDING
+        assert all(reference.keeps(planner.limits) for reference in stream.handed)
+    assert took["demonstrated"] > 1.6 * took["fastest"]
+
+
 def test_changed_again_and_again_in_motion_it_arrives_without_a_jump(stream, goal):
     random = np.random.default_rng(5)
     widest = limits(stream.planner, speed_scale=1.0, acceleration_scale=1.0)
