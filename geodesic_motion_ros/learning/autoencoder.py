@@ -31,6 +31,8 @@ from geodesic_motion_ros.manifold.joint_decoder import JointSpaceDecoder
 OrientationModel = Literal["two_cluster", "sign_blind", "none"]
 #: Deviation of progress while the means are learned: the other half of a stroke that retraces itself is far from it.
 PROGRESS_SIGMA = 0.15
+#: Logarithm of the variance that an encoder which reads progress begins with: a hundredth of the strip's length.
+START_LOG_VARIANCE = -6.0
 
 
 class Means(NamedTuple):
@@ -100,6 +102,13 @@ class EncoderNetwork(nn.Module):
         self.register_buffer("scale", scale)
         self.direction, self.progress = direction, progress
         self.perceptron = MultilayerPerceptron([len(offset) + direction + progress, *hidden, 2 * latent_dimension])
+        if progress:
+            # It begins at the prior's mean, and sure of it. From a random start a letter is first told by where the
+            # tool is, across the strip as well, and never unfolded.
+            last = self.perceptron.layers[-1]
+            nn.init.zeros_(last.weight)
+            nn.init.constant_(last.bias, START_LOG_VARIANCE)
+            nn.init.zeros_(last.bias[:latent_dimension])
 
     def forward(
         self, coordinates: Tensor, directions: Tensor | None = None, fractions: Tensor | None = None
@@ -241,9 +250,8 @@ class AutoEncoder(nn.Module):
     latent_dimension : d.
     hidden : units of the encoder's hidden layers; the decoder has them in reverse.
     offset, scale : scaling of coordinates, (p,) and () [m] or [rad]: one scalar, so that they keep their proportions.
-    orientation_model : "two_cluster": p(q | z) is one von Mises-Fisher density, so q and -q, both in the data, lie in
-        two separate clusters. "sign_blind": the mixture 1/2 vMF(mu_q) + 1/2 vMF(-mu_q), under which q and -q are the
-        same observation. "none": there are no directions.
+    sign_blind : whether p(q | z) is the mixture 1/2 vMF(mu_q) + 1/2 vMF(-mu_q), under which q and -q are the same
+        observation; else one von Mises-Fisher density: q and -q, if both are in the data, lie in two separate clusters.
     direction : o, the numbers of a direction.
     progress : whether the encoder reads, and the decoder decodes, how far along its demonstration a sample is.
     """
@@ -254,14 +262,14 @@ class AutoEncoder(nn.Module):
         hidden: Sequence[int],
         offset: Tensor,
         scale: Tensor,
-        orientation_model: OrientationModel = "none",
+        sign_blind: bool = False,
         direction: int = 0,
         progress: bool = False,
     ) -> None:
         super().__init__()
         self.encoder = EncoderNetwork(latent_dimension, hidden, offset, scale, direction, progress)
         self.decoder = DecoderNetwork(latent_dimension, list(reversed(hidden)), offset, scale, direction, progress)
-        self.orientation_model = orientation_model
+        self.sign_blind = sign_blind
 
     def coordinate_log_density(self, coordinates: Tensor, means: Means, precisions: Precisions) -> Tensor:
         """log p(x | z) (...)."""
@@ -275,7 +283,7 @@ class AutoEncoder(nn.Module):
 
     def direction_log_density(self, directions: Tensor, means: Means, precisions: Precisions) -> Tensor:
         """log p(q | z) (...) under the model's density of directions."""
-        density = antipodal_log_density if self.orientation_model == "sign_blind" else von_mises_fisher_log_density
+        density = antipodal_log_density if self.sign_blind else von_mises_fisher_log_density
         return density(directions, means.directions, precisions.kappa)
 
     def sample(

@@ -41,7 +41,7 @@ def assemble_skill(vae: AutoEncoder, shown: ShownTask, name: str, provenance: di
     start, goal = shown.ends(curves)
     codes = _encode(vae, curves)
     quality = _reconstruction_quality(vae, codes, curves, shown)
-    if canonical is None and (opposite := shown.opposite(curves)) is not None:
+    if (opposite := shown.opposite(curves)) is not None:
         codes = np.concatenate([codes, _encode(vae, opposite)])
     flat = codes.reshape(-1, codes.shape[-1])
     border = settings.margin * np.ptp(flat, axis=0)

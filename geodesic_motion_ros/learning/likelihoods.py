@@ -8,7 +8,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from geodesic_motion_ros.learning.autoencoder import AutoEncoder, Means, OrientationModel, Precisions
+from geodesic_motion_ros.learning.autoencoder import AutoEncoder, Means, Precisions
 from geodesic_motion_ros.learning.body_layer import BodyLayer
 from geodesic_motion_ros.learning.settings import JointTrainingSettings, TrainingSettings
 from geodesic_motion_ros.manifold.configuration_graph import JointMetricSettings
@@ -54,11 +54,13 @@ class PoseLikelihood:
     Attributes
     ----------
     kappa : concentration of quaternions at the data, and far from it.
+    sign_blind : whether q and -q are the same observation. Of canonical curves they are not: their signs agree, and a
+        density that does not care lets the decoder change its sign half-way, where the sheet would fall apart.
     """
 
     def __init__(self, settings: TrainingSettings) -> None:
         self.settings = settings
-        self.orientation_model: OrientationModel = settings.orientation_model
+        self.sign_blind = settings.sheet == "raw" and settings.orientation_model == "sign_blind"
         self.kappa: tuple[float, float] | None = (settings.fixed_kappa, settings.far_kappa)
 
     def points(self, coordinates: np.ndarray) -> Tensor | None:
@@ -87,7 +89,7 @@ class ConfigurationLikelihood:
 
     def __init__(self, settings: JointTrainingSettings, robot: Robot) -> None:
         self.settings, self.body = settings, body_layer(robot, settings.metric)
-        self.orientation_model: OrientationModel = "none"
+        self.sign_blind = False
         self.kappa: tuple[float, float] | None = None
 
     def points(self, coordinates: np.ndarray) -> Tensor | None:

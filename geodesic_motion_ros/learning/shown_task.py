@@ -109,7 +109,7 @@ class ShownTask(ABC):
 
 
 class ShownPoses(ShownTask):
-    """Poses of a tool. Every orientation is learned with both signs, unless the recordings have no orientation."""
+    """Poses of a tool. On the raw sheet every orientation is learned with both signs, unless the recordings have none."""
 
     space = "task"
 
@@ -132,7 +132,8 @@ class ShownPoses(ShownTask):
         return curves if other is None else tuple(map(np.concatenate, zip(curves, other, strict=True)))
 
     def opposite(self, curves: Curves) -> Curves | None:
-        return (curves[0], -curves[1]) if self._demonstrations.has_orientation else None
+        both = self._form is None and self._demonstrations.has_orientation
+        return (curves[0], -curves[1]) if both else None
 
     def ends(self, curves: Curves) -> tuple[np.ndarray, np.ndarray]:
         return mean_ends(*curves) if self._form is None else (self._form.start, self._form.goal)

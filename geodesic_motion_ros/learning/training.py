@@ -87,7 +87,7 @@ def train_model(curves: Curves, likelihood: Likelihood, progress: Progress | Non
     with one_seeded_thread(settings.seed):
         scaling = _scaling(coordinates)
         vae = AutoEncoder(
-            settings.latent_dimension, settings.hidden, *scaling, likelihood.orientation_model,
+            settings.latent_dimension, settings.hidden, *scaling, likelihood.sign_blind,
             sum(values.shape[1] for values in directions), settings.knows_progress,
         )  # fmt: skip
         points = likelihood.points(coordinates)
@@ -98,7 +98,7 @@ def train_model(curves: Curves, likelihood: Likelihood, progress: Progress | Non
             torch.tensor(prior_means(fractions, settings)).float(),
             torch.tensor(fractions).float(),
         )
-        if likelihood.orientation_model == "sign_blind":
+        if likelihood.sign_blind:
             _start_on_one_side(vae, samples)
         if settings.schedule == "joint":
             _fit_jointly(vae, samples, likelihood, progress)

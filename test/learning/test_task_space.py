@@ -16,7 +16,7 @@ def vae(request):
     with torch.random.fork_rng():
         torch.manual_seed(5)
         scaling = torch.tensor([0.4, -0.1, 0.3]), torch.tensor(0.21)
-        vae = AutoEncoder(2, (20, 10), *scaling, "two_cluster", 4, request.param).double()
+        vae = AutoEncoder(2, (20, 10), *scaling, False, 4, request.param).double()
         centres, rate = torch.randn(30, 2).double(), torch.tensor(2.5).double()
         networks = [
             RadialBasisNetwork(centres, rate, torch.full((n,), floor).double(), torch.full((n,), scale).double())
@@ -67,11 +67,11 @@ def test_encoder_agrees_with_its_numpy_twin(vae, poses):
 
 
 @pytest.mark.parametrize(
-    ("model", "density"),
-    [("two_cluster", von_mises_fisher_log_density), ("sign_blind", antipodal_log_density)],
+    ("blind", "density"),
+    [(False, von_mises_fisher_log_density), (True, antipodal_log_density)],
 )
-def test_orientation_model_chooses_the_density(vae, poses, model, density):
-    vae.orientation_model = model
+def test_the_model_s_sign_blindness_chooses_the_density(vae, poses, blind, density):
+    vae.sign_blind = blind
     latent = torch.randn(50, 2, dtype=torch.float64, generator=torch.Generator().manual_seed(0))
     means, precisions = vae.decoder.means(latent), vae.decoder.precisions(latent)
     quaternions = torch.tensor(poses[1])
