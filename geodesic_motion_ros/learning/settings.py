@@ -70,10 +70,10 @@ class CommonSettings:
     steps: int = 5000
     batch: int = 256
     learning_rate: float = 2e-3
-    kl_weight: float = 0.3
+    kl_weight: float = 0.6
     kl_warm_up: float = 0.2
     progress_deviation: float = 0.2
-    progress_share: float = 1.0
+    progress_share: float = 0.25
     blends: int = 2
     fixed_sigma: float = 0.005
     kernels: int = 500

@@ -109,7 +109,7 @@ class ShownTask(ABC):
 
 
 class ShownPoses(ShownTask):
-    """Poses of a tool. On the raw sheet every orientation is learned with both signs, unless the recordings have none."""
+    """Poses of a tool. Orientations of the raw sheet are learned with both signs, unless the recordings have none."""
 
     space = "task"
 

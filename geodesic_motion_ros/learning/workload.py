@@ -35,9 +35,9 @@ class Workload:
 
     @classmethod
     def of(cls, demonstrations: int, settings: CommonSettings, signs: int = 1) -> Workload:
-        """The size of a training on so many demonstrations; signs : 2 where q and -q are both learned."""
-        curves = demonstrations * (1 + settings.blends if settings.sheet == "canonical" else 1)
-        samples = signs * curves * settings.samples
+        """The size of a training on so many demonstrations; signs : 2 where both q and -q are learned, if raw."""
+        curves = demonstrations * (1 + settings.blends if settings.sheet == "canonical" else signs)
+        samples = curves * settings.samples
         two_stage = settings.schedule == "two_stage"
         fitted = min(samples * settings.precision_samples, MOST_DRAWN) if two_stage else samples
         kernels = min(settings.kernels, samples // 2)

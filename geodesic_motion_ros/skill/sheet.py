@@ -249,8 +249,10 @@ class RotationCurves:
 
     @classmethod
     def of(cls, quaternions: np.ndarray) -> RotationCurves:
-        """Take curves about their mean from quaternions (N, T, 4), blind to their signs."""
+        """Take curves about their mean from quaternions (N, T, 4), blind to their signs; the mean has the first's."""
         middle = continuous_signs(mean_rotation(quaternions))
+        if np.sum(middle * quaternions[0]) < 0.0:
+            middle = -middle
         return cls(middle, rotation_vector_between(np.broadcast_to(middle, quaternions.shape), quaternions))
 
     def blend(self, weights: np.ndarray) -> np.ndarray:

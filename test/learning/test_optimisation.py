@@ -2,10 +2,18 @@
 
 from __future__ import annotations
 
+import numpy as np
 import pytest
 import torch
 
-from geodesic_motion_ros.learning.optimisation import MOST_DRAWN, descend, drawn_rows, minimise, one_seeded_thread
+from geodesic_motion_ros.learning.optimisation import (
+    MOST_DRAWN,
+    WARM_UP,
+    descend,
+    drawn_rows,
+    minimise,
+    one_seeded_thread,
+)
 
 TARGET = torch.tensor([1.0, -2.0, 0.5], dtype=torch.double)
 
@@ -61,3 +69,27 @@ def test_a_bowl_is_fitted_to_its_bottom_and_every_step_is_reported(fit) -> None:
     steps = 600 if fit == "adam" else 25
     assert reported[-1] == ("bowl", steps, steps)
     assert [step for _, step, _ in reported] == sorted({step for _, step, _ in reported})
+
+
+def test_the_rate_rises_and_falls() -> None:
+    at, places = torch.zeros(1, requires_grad=True), []
+
+    def slope(_: int) -> torch.Tensor:
+        places.append(at.item())
+        return at.sum()
+
+    descend(slope, [at], 100, 0.01, "slope", None)
+    steps = -np.diff(places)
+    np.testing.assert_allclose(steps.max(), 0.01, rtol=1e-3)
+    assert abs(int(steps.argmax()) - WARM_UP * 100) <= 1
+    assert max(steps[0], steps[-1]) < 0.05 * steps.max()
+
+
+def test_a_rare_batch_does_not_throw_the_parameters_about() -> None:
+    def descended(rare: float) -> float:
+        at = torch.zeros(1, requires_grad=True)
+        descend(lambda step: (rare if step == 50 else 1.0) * at.sum(), [at], 100, 0.01, "slope", None)
+        return at.item()
+
+    # Adam divides by the largest gradient of late: after one of a million the next thousand would count for nothing.
+    assert descended(-1e6) < 0.5 * descended(1.0) < 0.0

@@ -151,6 +151,21 @@ def test_blends_are_learned_besides_the_demonstrations_and_lie_between_them(demo
     np.testing.assert_allclose(alone, form.positions, atol=1e-12)
 
 
+@pytest.mark.parametrize(("sheet", "model"), [("canonical", None), ("raw", "sign_blind"), ("raw", "two_cluster")])
+def test_orientations_of_the_canonical_sheet_are_learned_with_one_sign(demonstrations, sheet, model) -> None:
+    """A density that is blind to the sign would let the decoder change it half-way."""
+    items = list(demonstrations)
+    flipped = replace(demonstrations, items=(replace(items[0], quaternions=-items[0].quaternions), *items[1:]))
+    shown = ShownPoses(flipped, replace(TINY, sheet=sheet, orientation_model=model))
+    _, quaternions = shown.learned_curves()
+    agree = np.sum(quaternions * quaternions[:1], axis=-1) > 0.0
+    if sheet == "canonical":
+        assert np.all(agree)
+    else:
+        np.testing.assert_array_equal(np.sort(agree[:, 0]), [False] * len(items) + [True] * len(items))
+    assert shown.likelihood.sign_blind is (model == "sign_blind")
+
+
 def test_blends_never_mix_two_modes():
     modes = np.array([0, 1, 0, 1, 1])
     weights = blend_weights(modes, 20, seed=0)
