@@ -103,7 +103,7 @@ class EncoderNetwork(nn.Module):
         self.direction, self.progress = direction, progress
         self.perceptron = MultilayerPerceptron([len(offset) + direction + progress, *hidden, 2 * latent_dimension])
         if progress:
-            # It begins at the prior's mean, and sure of it. From a random start a letter is first told by where the
+            # It begins at the prior's mean, and sure of it. From a random start a letter is first learned by where the
             # tool is, across the strip as well, and never unfolded.
             last = self.perceptron.layers[-1]
             nn.init.zeros_(last.weight)

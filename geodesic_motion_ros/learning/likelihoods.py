@@ -55,7 +55,7 @@ class PoseLikelihood:
     ----------
     kappa : concentration of quaternions at the data, and far from it.
     sign_blind : whether q and -q are the same observation. Of canonical curves they are not: their signs agree, and a
-        density that does not care lets the decoder change its sign half-way, where the sheet would fall apart.
+        density that does not care lets the decoder change its sign within the sheet, where the sheet would fall apart.
     """
 
     def __init__(self, settings: TrainingSettings) -> None:

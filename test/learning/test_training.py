@@ -153,7 +153,7 @@ def test_blends_are_learned_besides_the_demonstrations_and_lie_between_them(demo
 
 @pytest.mark.parametrize(("sheet", "model"), [("canonical", None), ("raw", "sign_blind"), ("raw", "two_cluster")])
 def test_orientations_of_the_canonical_sheet_are_learned_with_one_sign(demonstrations, sheet, model) -> None:
-    """A density that is blind to the sign would let the decoder change it half-way."""
+    """A density that is blind to the sign would let the decoder change it within the sheet."""
     items = list(demonstrations)
     flipped = replace(demonstrations, items=(replace(items[0], quaternions=-items[0].quaternions), *items[1:]))
     shown = ShownPoses(flipped, replace(TINY, sheet=sheet, orientation_model=model))

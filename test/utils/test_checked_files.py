@@ -347,7 +347,8 @@ JOINT_SKILLS: dict[str, tuple[Spoil, str, str]] = {
     ),
     "an orientation model": (described(orientation_model="sign_blind"), DESCRIPTION, "it must be one of 'none'"),
     "a metric of poses": (
-        metric(), DESCRIPTION, "it must hold joint_weight, orientation_weight, point_spacing, sigma_weight",
+        metric(), DESCRIPTION,
+        "it must hold joint_weight, orientation_weight, point_spacing, progress_length, sigma_weight",
     ),
     "a decoder of many turns": (weights("decoder.W3", scaled(1e3)), WEIGHTS, "a joint angle [rad] of"),
     "one configuration": (latent(canonical_configurations=np.sum), LATENT, "canonical sheet is of 0 joints"),
