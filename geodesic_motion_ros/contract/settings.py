@@ -73,7 +73,7 @@ TOOL_SMOOTHING_FACTOR = 3.0
 #: Multiples of the obstacle margin that `PosePathPlanner` attempts.
 MARGIN_MULTIPLES = (1.0, 2.5)
 #: Smoothing widths [grid steps] that it attempts with each of them: of the latent path, then of the decoded poses.
-SMOOTHING_WIDTHS = ((1.5, 1.0), (0.7, 1.0), (0.0, 1.0))
+SMOOTHING_WIDTHS = ((1.5, 1.5), (0.7, 1.5), (0.0, 1.0))
 #: A path may enter the graph up to this many grid steps from the start.
 ENTRY_STEPS = 3
 #: The smoothed curve may leave the pruned nodes by this factor of sigma, from 1 on, before it counts as unsupported.

@@ -45,20 +45,27 @@ def descend(
     learning_rate: float,
     stage: str,
     progress: Progress | None,
+    gently: bool = True,
 ) -> None:
-    """Lower loss(step), drawn anew at every step, by Adam: the rate rises to `learning_rate` and falls to 0 as
-    cosines.
+    """Lower loss(step), drawn anew at every step, by Adam with cosine decay of the rate.
+
+    gently : whether the rate rises to `learning_rate` first, and gradients are shortened to LARGEST_GRADIENT.
     """
     parameters = list(parameters)
     optimiser = torch.optim.Adam(parameters, lr=learning_rate)
-    schedule = torch.optim.lr_scheduler.OneCycleLR(
-        optimiser, learning_rate, total_steps=steps + 1, pct_start=WARM_UP, cycle_momentum=False
-    )
+    schedule: torch.optim.lr_scheduler.LRScheduler
+    if gently:
+        schedule = torch.optim.lr_scheduler.OneCycleLR(
+            optimiser, learning_rate, total_steps=steps + 1, pct_start=WARM_UP, cycle_momentum=False
+        )
+    else:
+        schedule = torch.optim.lr_scheduler.CosineAnnealingLR(optimiser, steps)
     for step in range(steps):
         value = loss(step)
         optimiser.zero_grad()
         value.backward()
-        torch.nn.utils.clip_grad_norm_(parameters, LARGEST_GRADIENT)
+        if gently:
+            torch.nn.utils.clip_grad_norm_(parameters, LARGEST_GRADIENT)
         optimiser.step()
         schedule.step()
         if progress is not None:

@@ -152,7 +152,7 @@ def _ascend(
         warm = min(1.0, step / max(1.0, settings.kl_warm_up * steps))
         return (warm * settings.kl_weight * divergence - density).mean()
 
-    descend(loss, vae.parameters(), steps, settings.learning_rate, stage, progress)
+    descend(loss, vae.parameters(), steps, settings.learning_rate, stage, progress, gently=settings.knows_progress)
 
 
 def _fit_jointly(vae: AutoEncoder, samples: Samples, likelihood: Likelihood, progress: Progress | None) -> None:

@@ -270,7 +270,7 @@ class _Toy:
 
     def decoded(self, latent: np.ndarray) -> ToyCurve:
         with torch.no_grad():
-            positions, directions = (values.numpy() for values in self.vae.decoder.means(torch.tensor(latent)))
+            positions, directions = (values.numpy() for values in self.vae.decoder.means(torch.tensor(latent))[:2])
         return ToyCurve(latent, positions, directions, self.shown.distances(positions, directions))
 
     def landscape(self) -> Landscape:
