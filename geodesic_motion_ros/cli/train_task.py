@@ -25,7 +25,7 @@ def add_options(group: argparse._ArgumentGroup) -> None:
     """Settings of the training that joint space does not have."""
     group.add_argument(
         "--orientation-model", choices=("two_cluster", "sign_blind"),
-        help="q and -q in clusters of their own (default of the raw sheet), or the paper's antipodal mixture",
+        help="of the raw sheet: q and -q in clusters of their own (default), or the paper's antipodal mixture",
     )  # fmt: skip
     group.add_argument(
         "--orientation-scale", choices=("spread", "kappa"),

@@ -31,7 +31,7 @@ from geodesic_motion_ros.manifold.joint_decoder import JointSpaceDecoder
 OrientationModel = Literal["two_cluster", "sign_blind", "none"]
 #: Deviation of progress while the means are learned: the other half of a stroke that retraces itself is far from it.
 PROGRESS_SIGMA = 0.15
-#: Logarithm of the variance that an encoder which reads progress begins with: a hundredth of the strip's length.
+#: Logarithm of the variance that an encoder which reads progress begins with: its root is a hundredth of the strip.
 START_LOG_VARIANCE = -6.0
 
 

@@ -111,8 +111,8 @@ class TrainingSettings(CommonSettings):
     ----------
     latent_dimension : d, 2 or 3.
     orientation_model : "two_cluster" (one von Mises-Fisher density; q and -q in separate clusters, on the raw sheet
-        only) or "sign_blind" (the paper's antipodal mixture). None: sign_blind on the canonical sheet, two_cluster on
-        the raw one.
+        only) or "sign_blind": one code for both, on the raw sheet by the paper's antipodal mixture, on the canonical
+        one by signs that agree. None: sign_blind on the canonical sheet, two_cluster on the raw one.
     rotation_length : length that a turn of one radian counts in the arc [m]: a tool that turns on the spot is learned
         too. 0 counts positions only.
     position_weight, orientation_weight : beta1, beta2 of the bound beta1 log p(x | z) + beta2 log p(q | z) - kl_weight

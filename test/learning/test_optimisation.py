@@ -71,25 +71,29 @@ def test_a_bowl_is_fitted_to_its_bottom_and_every_step_is_reported(fit) -> None:
     assert [step for _, step, _ in reported] == sorted({step for _, step, _ in reported})
 
 
-def test_the_rate_rises_and_falls() -> None:
+@pytest.mark.parametrize(("gently", "highest"), [(True, WARM_UP * 100), (False, 0)])
+def test_the_rate_rises_if_gently_and_falls(gently, highest) -> None:
     at, places = torch.zeros(1, requires_grad=True), []
 
     def slope(_: int) -> torch.Tensor:
         places.append(at.item())
         return at.sum()
 
-    descend(slope, [at], 100, 0.01, "slope", None)
+    descend(slope, [at], 100, 0.01, "slope", None, gently)
     steps = -np.diff(places)
     np.testing.assert_allclose(steps.max(), 0.01, rtol=1e-3)
-    assert abs(int(steps.argmax()) - WARM_UP * 100) <= 1
-    assert max(steps[0], steps[-1]) < 0.05 * steps.max()
+    assert abs(int(steps.argmax()) - highest) <= 1
+    assert steps[-1] < 0.05 * steps.max()
+    assert bool(steps[0] < 0.05 * steps.max()) is gently
 
 
 def test_a_rare_batch_does_not_throw_the_parameters_about() -> None:
-    def descended(rare: float) -> float:
+    """Adam divides by the largest gradient of late: after one of a million the next thousand count for nothing."""
+
+    def descended(rare: float, gently: bool) -> float:
         at = torch.zeros(1, requires_grad=True)
-        descend(lambda step: (rare if step == 50 else 1.0) * at.sum(), [at], 100, 0.01, "slope", None)
+        descend(lambda step: (rare if step == 20 else 1.0) * at.sum(), [at], 100, 0.01, "slope", None, gently)
         return at.item()
 
-    # Adam divides by the largest gradient of late: after one of a million the next thousand would count for nothing.
-    assert descended(-1e6) < 0.5 * descended(1.0) < 0.0
+    assert descended(-1e6, True) < 0.5 * descended(1.0, True) < 0.0
+    assert descended(-1e6, False) > 0.5 * descended(1.0, False)

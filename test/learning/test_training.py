@@ -8,8 +8,10 @@ from geodesic_motion_ros.demonstrations.canonical import PoseForm
 from geodesic_motion_ros.demonstrations.demonstrations import Demonstration, Demonstrations
 from geodesic_motion_ros.demonstrations.modes import blend_weights
 from geodesic_motion_ros.geometry.quaternions import angle_between
+from geodesic_motion_ros.learning import training
 from geodesic_motion_ros.learning.likelihoods import PoseLikelihood
-from geodesic_motion_ros.learning.settings import TrainingSettings
+from geodesic_motion_ros.learning.optimisation import descend
+from geodesic_motion_ros.learning.settings import JointTrainingSettings, TrainingSettings
 from geodesic_motion_ros.learning.shown_task import ShownPoses
 from geodesic_motion_ros.learning.training import train_model, train_skill
 from geodesic_motion_ros.manifold.encoder import PRIOR_REACH, TaskSpaceEncoder
@@ -164,6 +166,27 @@ def test_orientations_of_the_canonical_sheet_are_learned_with_one_sign(demonstra
     else:
         np.testing.assert_array_equal(np.sort(agree[:, 0]), [False] * len(items) + [True] * len(items))
     assert shown.likelihood.sign_blind is (model == "sign_blind")
+
+
+def test_the_weight_of_the_divergence_is_chosen_by_the_sheet_unless_it_is_given() -> None:
+    for kind in (TrainingSettings, JointTrainingSettings):
+        assert (kind().kl_weight, kind(sheet="raw").kl_weight, kind(kl_weight=0.0).kl_weight) == (0.6, 0.3, 0.0)
+        assert kind.paper().kl_weight == 1.0
+
+
+@pytest.mark.parametrize("sheet", ["canonical", "raw"])
+def test_only_the_canonical_sheet_is_learned_gently(demonstrations, monkeypatch, sheet) -> None:
+    """The raw one as the paper's models always were."""
+    seen = []
+
+    def watched(*given, **named) -> None:
+        seen.append(named["gently"])
+        descend(*given, **named)
+
+    monkeypatch.setattr(training, "descend", watched)
+    shown = ShownPoses(demonstrations, replace(TINY, sheet=sheet, orientation_model=None, steps=2))
+    train_model(shown.learned_curves(), shown.likelihood)
+    assert seen == [sheet == "canonical"]
 
 
 def test_blends_never_mix_two_modes():
