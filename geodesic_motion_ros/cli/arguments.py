@@ -133,6 +133,11 @@ def add_bag_options(group: argparse._ArgumentGroup) -> None:
         help="motion between standstills that is the first demonstration; those that lead back are passed over",
     )  # fmt: skip
     group.add_argument("--strict", action="store_true", help="refuse every flaw of a recording, repair none")
+    group.add_argument(
+        "--closed", action=argparse.BooleanOptionalAction, default=None,
+        help="demonstrations are rounds, which end where they began, or several one after the other: wiping, stirring; "
+        "without it as is found: at least half of them are",
+    )  # fmt: skip
 
 
 def add_json(parser: argparse.ArgumentParser) -> None:

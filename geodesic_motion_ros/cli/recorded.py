@@ -59,7 +59,8 @@ def read_recorded(
         if arguments.units in METRES_PER_UNIT and arguments.units != "m":
             raise ParameterError(f"--units {arguments.units}: messages have metres, nothing is scaled")
         how = Split.parse(arguments.split, arguments.pause, arguments.first)
-        recording = Recording.of_bags(paths, arguments.topic, how, arguments.robot or DEFAULT_ROBOT, arguments.units)
+        robot = arguments.robot or DEFAULT_ROBOT
+        recording = Recording.of_bags(paths, arguments.topic, how, robot, arguments.units, arguments.closed)
         space = "joint" if recording.robot else "task"
         if arguments.space not in (None, space):
             raise ParameterError(f"--space {arguments.space}: {paths[0]} has {_RECORDINGS[space]}")
@@ -80,12 +81,12 @@ def read_recorded(
     else:
         takes = read_pose_takes(path, _units(arguments, path), columns, arguments.rate)
     if not takes[0].in_one_go:
-        return Recording.of_files(takes, robot)
+        return Recording.of_files(takes, robot, arguments.closed)
     # nothing in the file says where a demonstration begins
     how = Split.parse(arguments.split, arguments.pause, arguments.first)
     if how.marker:
         raise ParameterError(f"--split {how.marker}: topics of markers are in bags; {path} is none")
-    return Recording.of_long_takes([BagTake(take, ()) for take in takes], how, robot)
+    return Recording.of_long_takes([BagTake(take, ()) for take in takes], how, robot, arguments.closed)
 
 
 def recorded_space(arguments: argparse.Namespace, path: Path) -> Literal["task", "joint"]:

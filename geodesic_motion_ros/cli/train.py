@@ -63,7 +63,7 @@ _SPACE_NOTES = {
     "joint": "configurations of the whole arm: a joint-space skill is learned",
 }
 #: Settings of the training that both spaces have.
-_SHARED = ("seed", "steps", "kernels", "bandwidth_factor", "far_sigma", "sheet", "schedule", "kl_weight")
+_SHARED = ("seed", "steps", "kernels", "bandwidth_factor", "far_sigma", "sheet", "schedule", "kl_weight", "closed")
 
 _DESCRIPTION = """\
 Learns a skill from a handful of demonstrations of one task: a latent space with a Riemannian metric that is cheap to
@@ -195,6 +195,8 @@ def run(arguments: argparse.Namespace, measures: Mapping[str, Measure] | None = 
     recording = read_recorded(arguments, paths, of_bags=arguments.bag is not None, options=options)
     space = "joint" if recording.robot else "task"
     _note_the_flaws(recording)
+    # as was found, where nothing was said
+    arguments.closed = True if recording.rounds is not None else None
     training = (
         train_joint.JointTraining if space == "joint" else train_task.TaskTraining
     ).from_arguments(arguments, recording.demonstrations(arguments.strict), _SHARED)  # fmt: skip
@@ -208,7 +210,8 @@ def run(arguments: argparse.Namespace, measures: Mapping[str, Measure] | None = 
     _refuse_foreign(arguments.out)
     _refuse_unwritable(arguments.out)
     writable(arguments.json)
-    print(f"{', '.join(map(str, paths))}: {_SPACE_NOTES[space]}")
+    closed = f"; {len(recording.rounds.motions)} rounds, a closed skill" if recording.rounds is not None else ""
+    print(f"{', '.join(map(str, paths))}: {_SPACE_NOTES[space]}{closed}")
     demonstrations = training.tool_demonstrations()
     extent = _extent(demonstrations)
     _note_the_recording(demonstrations, extent, space)

@@ -177,7 +177,7 @@ Timing = Literal["demonstrated", "fastest"]
 #: Settings that may change while the arm moves (`ReactivePlanner.change_settings`).
 CHANGEABLE = (
     "obstacle_margin", "obstacle_position_error", "speed_scale", "acceleration_scale", "speed", "angular_speed",
-    "acceleration", "speed_override", "timing",
+    "acceleration", "speed_override", "timing", "periodic", "rounds",
 )  # fmt: skip
 
 
@@ -227,6 +227,8 @@ class PlannerSettings:
     timing : "demonstrated": a motion to a goal is nowhere faster, at the same progress, than the demonstrations were on
         average, if the skill knows, times `speed_override`, but where what moves leaves no such motion; "fastest": as
         fast as the limits allow.
+    periodic : a closed skill goes on round after round, until the goal is dropped, or `rounds` are done.
+    rounds : after so many rounds a periodic motion ends at its goal; 0: it goes on.
     latency : a new reference takes over this long after its planning began [s].
     detour : how far the tool may leave what was demonstrated where obstacles block every demonstrated path, up to
         `LARGEST_DETOUR`, if it was declared what stands around the arm, and where it evades; 0: it waits there, and
@@ -266,6 +268,8 @@ class PlannerSettings:
     acceleration: float | None = None
     speed_override: float = 1.0
     timing: Timing = "demonstrated"
+    periodic: bool = False
+    rounds: int = 0
     latency: float = 0.03
     detour: float = 0.25
     unseen: Unseen = "free"
@@ -300,6 +304,8 @@ class PlannerSettings:
             if field.type == "float" or (field.type == "float | None" and value is not None):
                 self._check_number(field.name, value)
         self._check_grid()
+        if not _is_whole(self.rounds, 0):
+            raise PlanningError(f"setting rounds is {self.rounds!r:.60}, must be a whole number: 0, or how many")
 
     def _check_choices(self) -> None:
         offered = {"ambient_law": LAWS} | {

@@ -15,6 +15,9 @@ R^eta, configurations of an arm (`manifold.joint_transport`). Offsets are counte
     the mean of those alone that start (end) in the same family of configurations: two that hold the tool in one pose
     with the elbow on two sides are never averaged. D depends on y as well. The arc counts what the metric counts: the
     mean squared motion of the body points, and with a small weight that of the joints.
+
+Rounds end where they began, and the place from which they are counted is no end: D is the same all along, the mean
+displacement of a demonstration from the mean round.
 """
 
 from __future__ import annotations
@@ -58,18 +61,21 @@ class CanonicalForm(ABC):
     Attributes
     ----------
     names : of the demonstrations.
+    closed : whether the demonstrations are rounds.
     fade : exponent with which start offsets are taken out.
     modes : (N,) number of each demonstration's mode, from 0.
     """
 
     _demonstrations: Demonstrations | JointDemonstrations
 
-    def __init__(self, names: Sequence[str], fade: float | None) -> None:
-        """fade : None: the likeliest."""
-        self.names = names
+    def __init__(self, names: Sequence[str], fade: float | None, closed: bool) -> None:
+        """fade : None: the likeliest. closed : whether the demonstrations are rounds."""
+        self.names, self.closed = names, closed
         few = self.curves(FADE_SAMPLES)
         self._count_offsets(few)
-        if fade is None:
+        if closed:
+            fade = 1.0
+        elif fade is None:
             modes = cluster_modes(self.remove_offsets(few, 1.0)[0])
             fade = likeliest_fade(
                 lambda tried: scatter_within(self._compared(self.remove_offsets(few, tried)), modes), len(names)
@@ -119,13 +125,16 @@ class PoseForm(CanonicalForm):
     start, goal : (7,) mean first and last pose: x, y, z [m], w, x, y, z.
     """
 
-    def __init__(self, demonstrations: Demonstrations, rotation_length: float, fade: float | None = None) -> None:
+    def __init__(
+        self, demonstrations: Demonstrations, rotation_length: float, fade: float | None = None, closed: bool = False
+    ) -> None:
         """
         Parameters
         ----------
         demonstrations : signs of whole demonstrations do not matter.
         rotation_length : length that a turn of one radian counts in the arc [m].
         fade : exponent with which start offsets fade; None: the likeliest.
+        closed : whether the demonstrations are rounds (`rounds.close_rounds`).
 
         Raises
         ------
@@ -133,7 +142,7 @@ class PoseForm(CanonicalForm):
             common.
         """
         self._demonstrations, self._rotation_length = demonstrations.align_hemispheres(), rotation_length
-        super().__init__([item.name for item in demonstrations], fade)
+        super().__init__([item.name for item in demonstrations], fade, closed)
 
     def sheet(self, samples: int) -> CanonicalSheet:
         positions, quaternions = self.remove_offsets(self.curves(samples), self.fade)
@@ -158,6 +167,10 @@ class PoseForm(CanonicalForm):
         (self.start, self.goal), lengths = mean_ends(*curves), [item.length for item in self._demonstrations]
         firsts, lasts = ([values[:, end] for values in curves] for end in (0, -1))
         self.start_offsets, self.goal_offsets = offsets_between(self.start, *firsts), offsets_between(self.goal, *lasts)
+        if self.closed:
+            moved = curves[0] - curves[0].mean(axis=0)
+            both = np.concatenate([moved, RotationCurves.of(curves[1]).turns], axis=-1).mean(axis=1)
+            self.goal, self.start_offsets, self.goal_offsets = self.start, both, both
         _refuse_strange_poses(self.names, "starts", self.start_offsets, lengths)
         _refuse_strange_poses(self.names, "ends", self.goal_offsets, lengths)
 
@@ -175,17 +188,22 @@ class ConfigurationForm(CanonicalForm):
     """
 
     def __init__(
-        self, demonstrations: JointDemonstrations, robot: Robot, metric: JointMetricSettings, fade: float | None = None
+        self,
+        demonstrations: JointDemonstrations,
+        robot: Robot,
+        metric: JointMetricSettings,
+        fade: float | None = None,
+        closed: bool = False,
     ) -> None:
         """
-        fade : exponent with which start offsets fade; None: the likeliest.
+        fade : exponent with which start offsets fade; None: the likeliest. closed : as of `PoseForm`.
 
         Raises
         ------
         DemonstrationError : a demonstration starts or ends far from all others of its group.
         """
         self._demonstrations, self._robot, self._metric = demonstrations, robot, metric
-        super().__init__([item.name for item in demonstrations], fade)
+        super().__init__([item.name for item in demonstrations], fade, closed)
 
     def sheet(self, samples: int) -> JointSheet:
         (configurations,) = self.remove_offsets(self.curves(samples), self.fade)
@@ -205,12 +223,18 @@ class ConfigurationForm(CanonicalForm):
 
     def remove_offsets(self, curves: tuple[np.ndarray, ...], fade: float) -> tuple[np.ndarray, ...]:
         poles = np.stack([self.start_poles[self.start_groups], self.goal_poles[self.goal_groups]], axis=1)
-        pairs = zip(curves[0], poles, strict=True)
-        return (np.stack([remove_offsets(curve, ends, self._robot, fade) for curve, ends in pairs]),)
+        own = poles + np.stack([self.start_offsets, self.goal_offsets], axis=1)
+        ends = own if self.closed else curves[0][:, [0, -1]]
+        each = zip(curves[0], poles, ends, strict=True)
+        return (np.stack([remove_offsets(curve, pole, end, self._robot, fade) for curve, pole, end in each]),)
 
     def _count_offsets(self, curves: tuple[np.ndarray, ...]) -> None:
         self.start_groups, self.start_poles, self.start_offsets = _group_ends(curves[0][:, 0])
         self.goal_groups, self.goal_poles, self.goal_offsets = _group_ends(curves[0][:, -1])
+        if self.closed:
+            self.start_offsets = self.goal_offsets = (curves[0] - curves[0].mean(axis=0)).mean(axis=1)
+            self.start_groups = self.goal_groups = np.zeros(len(curves[0]), dtype=int)
+            self.start_poles = self.goal_poles = curves[0][:, 0].mean(axis=0)[None]
         for verb, offsets in (("starts", self.start_offsets), ("ends", self.goal_offsets)):
             sizes = np.linalg.norm(offsets, axis=1)
             if np.any(sizes > LARGEST_OFFSET):
@@ -263,9 +287,13 @@ def sample_configurations(
     return (np.stack([sample_body_arc(item.configurations, robot, metric, samples) for item in demonstrations]),)
 
 
-def remove_offsets(curve: np.ndarray, poles: np.ndarray, robot: Robot, fade: float = 1.0) -> np.ndarray:
-    """Solve y + D(y, s) = curve (T, eta), which is equally spaced in s, for y (T, eta); poles (2, eta) [rad]."""
-    offsets = JointOffsets.between(robot, poles, curve[[0, -1]], fade=fade)
+def remove_offsets(
+    curve: np.ndarray, poles: np.ndarray, ends: np.ndarray, robot: Robot, fade: float = 1.0
+) -> np.ndarray:
+    """Solve y + D(y, s) = curve (T, eta), which is equally spaced in s, for y (T, eta), with the offsets from poles
+    (2, eta) to ends (2, eta) [rad].
+    """
+    offsets = JointOffsets.between(robot, poles, ends, fade=fade)
     s = np.linspace(0.0, 1.0, len(curve))
     canonical = curve
     for _ in range(_ITERATIONS):

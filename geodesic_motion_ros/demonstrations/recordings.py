@@ -16,7 +16,7 @@ from geodesic_motion_ros.demonstrations.readers import (
     make_demonstrations,
     make_joint_demonstrations,
 )
-from geodesic_motion_ros.demonstrations.returns import find_returns
+from geodesic_motion_ros.demonstrations.rounds import Rounds, find_returns, find_rounds
 from geodesic_motion_ros.demonstrations.splitting import Split, split_take
 from geodesic_motion_ros.demonstrations.takes import NO_FLAW, Action, Flaw, Take
 from geodesic_motion_ros.demonstrations.turns import align_turns, unwrap_turns
@@ -42,28 +42,40 @@ class Recording:
     motions : the demonstrations in them, samples repaired, also those that are left out.
     flaws : all that was found, in the order of time within each take.
     robot : whose joints were recorded; "": poses of a tool were.
+    rounds : the rounds in the motions, from which a closed skill is learned; None: they lead elsewhere.
     """
 
     takes: tuple[Take, ...]
     motions: tuple[Take, ...]
     flaws: tuple[Flaw, ...]
     robot: str
+    rounds: Rounds | None = None
 
     @classmethod
-    def of_files(cls, takes: Sequence[Take], robot: str = "") -> Recording:
-        """Read takes that are one demonstration each. DemonstrationError: a value that cannot be used."""
+    def of_files(cls, takes: Sequence[Take], robot: str = "", closed: bool | None = None) -> Recording:
+        """Read takes that are one demonstration each. DemonstrationError: a value that cannot be used.
+
+        closed : as of `find_rounds`; False: none are looked for.
+        """
         arm = _robot(robot) if robot else None
         repaired = [_repaired(take, arm) for take in takes]
         flaws = [flaw for take, (_, found) in zip(takes, repaired, strict=True) for flaw in (*take.found, *found)]
-        return cls._of(takes, [take for take, _ in repaired], flaws, robot)
+        return cls._of(takes, [take for take, _ in repaired], flaws, robot, closed)
 
     @classmethod
     def of_bags(
-        cls, paths: Sequence[Path], topic: str | None, how: Split, robot: str, units: str | None = None
+        cls,
+        paths: Sequence[Path],
+        topic: str | None,
+        how: Split,
+        robot: str,
+        units: str | None = None,
+        closed: bool | None = None,
     ) -> Recording:
         """Read bags with one or more demonstrations each.
 
         robot : whose joints are read where the topic has joints. units : of joints, "deg", or "rad" as ROS has them.
+        closed : as of `of_files`.
 
         Raises
         ------
@@ -83,11 +95,16 @@ class Recording:
         names = [take.name for take in takes]
         if len(set(names)) < len(names):
             raise DemonstrationError("two bags have the same name; demonstrations are called by it: rename one")
-        return cls.of_long_takes(reads, how, robot if takes[0].is_of_joints else "")
+        return cls.of_long_takes(reads, how, robot if takes[0].is_of_joints else "", closed)
 
     @classmethod
-    def of_long_takes(cls, reads: Sequence[bags.BagTake], how: Split, robot: str = "") -> Recording:
-        """Split takes with one or more demonstrations each. DemonstrationError: nothing moves in one."""
+    def of_long_takes(
+        cls, reads: Sequence[bags.BagTake], how: Split, robot: str = "", closed: bool | None = None
+    ) -> Recording:
+        """Split takes with one or more demonstrations each. DemonstrationError: nothing moves in one.
+
+        closed : as of `of_files`.
+        """
         arm = _robot(robot) if robot else None
         motions: list[Take] = []
         flaws: list[Flaw] = []
@@ -98,17 +115,22 @@ class Recording:
                 parts, between = split_take(take, how, read.markers, read.breaks)
                 motions += parts
                 flaws += between
-        return cls._of([read.take for read in reads], motions, flaws, robot)
+        return cls._of([read.take for read in reads], motions, flaws, robot, closed)
 
     @classmethod
-    def _of(cls, takes: Sequence[Take], motions: Sequence[Take], flaws: list[Flaw], robot: str) -> Recording:
+    def _of(
+        cls, takes: Sequence[Take], motions: Sequence[Take], flaws: list[Flaw], robot: str, closed: bool | None
+    ) -> Recording:
         motions, turns = align_turns(motions, _robot(robot)) if robot else (motions, [])
         repaired = [repair_demonstration(motion) for motion in motions]
         flaws = [*flaws, *turns, *(flaw for _, found in repaired for flaw in found)]
         found = cls(tuple(takes), tuple(motion for motion, _ in repaired), tuple(flaws), robot)
         if found.refusals or not found._kept():
             return found
-        return cls(found.takes, found.motions, (*flaws, *found._strangers(), *find_returns(found._kept())), robot)
+        rounds = None if closed is False else find_rounds(found._kept(), closed)
+        if rounds is not None:
+            return replace(found, flaws=(*flaws, *rounds.flaws), rounds=rounds)
+        return replace(found, flaws=(*flaws, *found._strangers(), *find_returns(found._kept())))
 
     @property
     def refusals(self) -> tuple[Flaw, ...]:
@@ -139,7 +161,7 @@ class Recording:
         if len(kept) < (1.0 - LARGEST_SHARE_LEFT_OUT) * len(self.motions) or not kept:
             listed = "; ".join(map(str, left[:5])) + (f"; and {len(left) - 5} more" if len(left) > 5 else "")
             raise DemonstrationError(f"{len(kept)} of {len(self.motions)} demonstrations remain: {listed}")
-        return self._demonstrations(kept)
+        return self._demonstrations(kept if self.rounds is None else self.rounds.motions)
 
     def describe(self) -> dict[str, list[dict[str, Any]]]:
         """Describe the demonstrations and the flaws in plain values; times [s], lengths [rad] of joints or [m]."""

@@ -10,6 +10,7 @@ learned Riemannian manifolds", IJRR 2023, section 3.1: learning in task space, s
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal, NamedTuple
@@ -25,8 +26,9 @@ from geodesic_motion_ros.learning.densities import (
 )
 from geodesic_motion_ros.learning.networks import MultilayerPerceptron, RadialBasisNetwork, as_array, layer_arrays
 from geodesic_motion_ros.manifold.decoder import TaskSpaceDecoder
-from geodesic_motion_ros.manifold.encoder import PRIOR_REACH
+from geodesic_motion_ros.manifold.encoder import PERIOD, PRIOR_REACH
 from geodesic_motion_ros.manifold.joint_decoder import JointSpaceDecoder
+from geodesic_motion_ros.manifold.progress_decoder import PROGRESS_SCALES
 
 OrientationModel = Literal["two_cluster", "sign_blind", "none"]
 #: Deviation of progress while the means are learned: the other half of a stroke that retraces itself is far from it.
@@ -36,8 +38,8 @@ START_LOG_VARIANCE = -6.0
 
 
 class Means(NamedTuple):
-    """Mean coordinates (..., p) [m] or [rad], unit mean directions (..., o), and mean progress (...), None of a model
-    that decodes none, of a batch of latent points.
+    """Mean coordinates (..., p) [m] or [rad], unit mean directions (..., o), and mean progress (..., 1 or 2) as of
+    `progress_numbers`, None of a model that decodes none, of a batch of latent points.
     """
 
     coordinates: Tensor
@@ -85,7 +87,8 @@ class EncoderNetwork(nn.Module):
     latent_dimension : d.
     hidden : units of the hidden layers, from the output space inwards.
     offset, scale : coordinates enter as (x - offset) / scale; offset (p,), scale () [m] or [rad].
-    direction : o, the numbers of a direction. progress : whether it reads how far along a demonstration a sample is.
+    direction : o, the numbers of a direction. progress : how many numbers it reads of how far along a demonstration a
+        sample is (`progress_numbers`).
     """
 
     def __init__(
@@ -95,7 +98,7 @@ class EncoderNetwork(nn.Module):
         offset: Tensor,
         scale: Tensor,
         direction: int = 0,
-        progress: bool = False,
+        progress: int = 0,
     ) -> None:
         super().__init__()
         self.register_buffer("offset", offset)
@@ -125,12 +128,13 @@ class EncoderNetwork(nn.Module):
             if fractions is None:
                 along = torch.linspace(0.0, 1.0, coordinates.shape[-2], dtype=coordinates.dtype)
                 fractions = along.expand(coordinates.shape[:-1])
-            inputs.append(2.0 * fractions[..., None] - 1.0)
+            inputs.append(progress_numbers(fractions, self.progress))
         mean, log_variance = self.perceptron(torch.cat(inputs, dim=-1)).chunk(2, dim=-1)
-        if self.progress:
-            # From the prior's mean on: where a sample lies along the strip is known before anything is learned.
-            mean = mean + nn.functional.pad(PRIOR_REACH * inputs[-1], (0, mean.shape[-1] - 1))
-        return mean, log_variance
+        if fractions is None or not self.progress:
+            return mean, log_variance
+        # From the prior's mean on: where a sample lies along the strip is known before anything is learned.
+        along = PRIOR_REACH * (2.0 * fractions[..., None] - 1.0)
+        return mean + nn.functional.pad(along, (0, mean.shape[-1] - 1)), log_variance
 
     def arrays(self) -> dict[str, np.ndarray]:
         """Weights by the names that the encoders of `manifold.encoder` read (the mean's rows only)."""
@@ -148,7 +152,7 @@ class DecoderNetwork(nn.Module):
     latent_dimension : d.
     hidden : units of the hidden layers, from the latent space outwards.
     offset, scale : mean coordinates are offset (p,) + scale () times the network's first p outputs, [m] or [rad].
-    direction : o, the numbers of a direction. progress : whether it decodes progress besides, (1 + last output) / 2.
+    direction : o, the numbers of a direction. progress : how many numbers of progress it decodes besides.
 
     `precisions` has to be given its radial-basis networks (`set_precisions`) before sigma and kappa are known.
     """
@@ -160,27 +164,41 @@ class DecoderNetwork(nn.Module):
         offset: Tensor,
         scale: Tensor,
         direction: int = 0,
-        progress: bool = False,
+        progress: int = 0,
     ) -> None:
         super().__init__()
         self.register_buffer("offset", offset)
         self.register_buffer("scale", scale)
-        self.direction, self.decodes_progress = direction, progress
-        self.perceptron = MultilayerPerceptron([latent_dimension, *hidden, len(offset) + direction + progress])
+        self.direction, self.progress_count, self.is_closed = direction, progress, progress == 2
+        inputs, outputs = latent_dimension + self.is_closed, len(offset) + direction + progress
+        self.perceptron = MultilayerPerceptron([inputs, *hidden, outputs])
         self.inverse_sigma: RadialBasisNetwork | None = None
         self.kappa: RadialBasisNetwork | None = None
         self.progress: RadialBasisNetwork | None = None
 
     def means(self, latent: Tensor) -> Means:
         """Mean coordinates and directions at latent points (..., d)."""
-        outputs, p = self.perceptron(latent), len(self.offset)
+        outputs, p = self.perceptron(self.seen(latent)), len(self.offset)
         directions = nn.functional.normalize(outputs[..., p : p + self.direction], dim=-1)
-        progress = 0.5 * (1.0 + outputs[..., -1]) if self.decodes_progress else None
+        count = self.progress_count
+        progress = PROGRESS_SCALES[count] * outputs[..., -count:] if count else None
         return Means(self.offset + self.scale * outputs[..., :p], directions, progress)
+
+    def seen(self, latent: Tensor) -> Tensor:
+        """What the networks see of latent points (..., d), as of `ProgressDecoder.seen`."""
+        if not self.is_closed:
+            return latent
+        radius = PERIOD / (2.0 * math.pi)
+        turned = latent[..., :1] / radius
+        return torch.cat([radius * torch.cos(turned), radius * torch.sin(turned), latent[..., 1:]], dim=-1)
+
+    def activations(self, latent: Tensor) -> Tensor:
+        """The kernels (..., K) that all precisions share, at latent points (..., d)."""
+        return self.inverse_sigma.activations(self.seen(latent))
 
     def precisions(self, latent: Tensor) -> Precisions:
         """1 / sigma and kappa at latent points (..., d)."""
-        return self.combined_precisions(self.inverse_sigma.activations(latent))
+        return self.combined_precisions(self.activations(latent))
 
     def combined_precisions(self, activations: Tensor) -> Precisions:
         """1 / sigma and kappa from the activations (..., K) of the kernels that both networks share."""
@@ -216,6 +234,8 @@ class DecoderNetwork(nn.Module):
                 "progress_weights": as_array(self.progress.weights[0]),
                 "progress_floor": as_array(self.progress.floor[0]),
             }
+        if self.is_closed:
+            arrays["period"] = np.array(PERIOD)
         if self.kappa is None:
             return JointSpaceDecoder(**arrays)
         kappa_weights, kappa_floor = as_array(self.kappa.weights[0]), as_array(self.kappa.floor[0])
@@ -227,7 +247,7 @@ class DecoderNetwork(nn.Module):
         tensors = {name: torch.tensor(value) for name, value in decoder.arrays().items()}
         scaling = tensors["position_offset"], tensors["position_scale"]
         hidden = [len(decoder.b1), len(decoder.b2)]
-        network = cls(decoder.latent_dimension, hidden, *scaling, 4, decoder.decodes_progress).double()
+        network = cls(decoder.latent_dimension, hidden, *scaling, 4, decoder.progress_numbers).double()
         with torch.no_grad():
             for layer, number in zip(network.perceptron.layers, "123", strict=True):
                 layer.weight.copy_(tensors["W" + number])
@@ -236,7 +256,7 @@ class DecoderNetwork(nn.Module):
             _basis_network(tensors, tensors["sigma_weights"], tensors["sigma_floor"]),
             _basis_network(tensors, tensors["kappa_weights"][None], tensors["kappa_floor"][None]),
             _basis_network(tensors, tensors["progress_weights"][None], tensors["progress_floor"][None])
-            if decoder.decodes_progress
+            if decoder.progress_numbers
             else None,
         )
         return network.requires_grad_(False)
@@ -253,7 +273,8 @@ class AutoEncoder(nn.Module):
     sign_blind : whether p(q | z) is the mixture 1/2 vMF(mu_q) + 1/2 vMF(-mu_q), under which q and -q are the same
         observation; else one von Mises-Fisher density: q and -q, if both are in the data, lie in two separate clusters.
     direction : o, the numbers of a direction.
-    progress : whether the encoder reads, and the decoder decodes, how far along its demonstration a sample is.
+    progress : how many numbers the encoder reads, and the decoder decodes, of how far along its demonstration a sample
+        is: 0, 1, or 2 where demonstrations are rounds.
     """
 
     def __init__(
@@ -264,12 +285,12 @@ class AutoEncoder(nn.Module):
         scale: Tensor,
         sign_blind: bool = False,
         direction: int = 0,
-        progress: bool = False,
+        progress: int = 0,
     ) -> None:
         super().__init__()
         self.encoder = EncoderNetwork(latent_dimension, hidden, offset, scale, direction, progress)
         self.decoder = DecoderNetwork(latent_dimension, list(reversed(hidden)), offset, scale, direction, progress)
-        self.sign_blind = sign_blind
+        self.sign_blind, self.progress = sign_blind, progress
 
     def coordinate_log_density(self, coordinates: Tensor, means: Means, precisions: Precisions) -> Tensor:
         """log p(x | z) (...)."""
@@ -279,7 +300,8 @@ class AutoEncoder(nn.Module):
         """log p(s | z) (...); 0 of a model that decodes no progress."""
         if means.progress is None:
             return 0.0
-        return gaussian_log_density(fractions[..., None], means.progress[..., None], precisions.progress[..., None])
+        shown = PROGRESS_SCALES[self.progress] * progress_numbers(fractions, self.progress)
+        return gaussian_log_density(shown, means.progress, precisions.progress[..., None].expand_as(shown))
 
     def direction_log_density(self, directions: Tensor, means: Means, precisions: Precisions) -> Tensor:
         """log p(q | z) (...) under the model's density of directions."""
@@ -295,6 +317,16 @@ class AutoEncoder(nn.Module):
         """
         mean, log_variance = self.encoder(coordinates, directions, fractions)
         return mean + torch.exp(0.5 * log_variance) * torch.randn_like(mean), mean, log_variance
+
+
+def progress_numbers(fractions: Tensor, count: int) -> Tensor:
+    """How far along its arc a sample is, as networks read and decode it: 2 s - 1 (..., 1) of fractions s (...), or of
+    rounds, count 2, (cos 2 pi s, sin 2 pi s) (..., 2). Times `PROGRESS_SCALES` a step is as long as one of s.
+    """
+    if count == 1:
+        return 2.0 * fractions[..., None] - 1.0
+    turned = 2.0 * math.pi * fractions
+    return torch.stack([torch.cos(turned), torch.sin(turned)], dim=-1)
 
 
 def _scaling_arrays(network: EncoderNetwork | DecoderNetwork) -> dict[str, np.ndarray]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 from typing import Any
 
@@ -15,9 +16,11 @@ from geodesic_motion_ros.geometry.quaternions import angle_between
 from geodesic_motion_ros.learning.autoencoder import AutoEncoder
 from geodesic_motion_ros.learning.shown_task import Curves, ShownTask
 from geodesic_motion_ros.manifold.decoder import rms_sigma
+from geodesic_motion_ros.manifold.encoder import PERIOD
 from geodesic_motion_ros.manifold.latent_graph import LatentGraph
 from geodesic_motion_ros.robot.description import RobotDescription
-from geodesic_motion_ros.skill.skill import LearnedModel, Skill
+from geodesic_motion_ros.skill.sheet import unrolled
+from geodesic_motion_ros.skill.skill import GRID_SHAPES, LearnedModel, Skill
 from geodesic_motion_ros.utils.errors import SkillError
 
 #: The support is measured by this percentile of rms sigma on the codes: a few bad samples do not widen it.
@@ -43,9 +46,14 @@ def assemble_skill(vae: AutoEncoder, shown: ShownTask, name: str, provenance: di
     quality = _reconstruction_quality(vae, codes, curves, shown)
     if (opposite := shown.opposite(curves)) is not None:
         codes = np.concatenate([codes, _encode(vae, opposite)])
-    flat = codes.reshape(-1, codes.shape[-1])
-    border = settings.margin * np.ptp(flat, axis=0)
     decoder = vae.decoder.to_numpy()
+    border = settings.margin * np.ptp(codes.reshape(-1, codes.shape[-1]), axis=0)
+    if settings.closed:
+        codes = unrolled(codes, np.eye(codes.shape[-1])[0] * PERIOD)
+        # Whole steps of the grid, so that nodes a round apart decode to the same.
+        step, along = PERIOD / GRID_SHAPES[codes.shape[-1]][0], np.ptp(codes[..., 0])
+        border[0] = 0.5 * (math.ceil(along / step) * step - along)
+    flat = codes.reshape(-1, codes.shape[-1])
     model = LearnedModel(
         name=name,
         robot=shown.robot,

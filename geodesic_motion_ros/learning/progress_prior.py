@@ -2,6 +2,8 @@
 
 p(z | s) = N((PRIOR_REACH (2 s - 1), 0, ...), diag(progress_deviation^2, 1, ...)), s the fraction of the arc: it makes
 the sheet a strip. On the raw sheet, the paper's, p(z) = N(0, 1).
+
+Where demonstrations are rounds the strip is that of a cylinder, unrolled: z_0 and z_0 + 2 PRIOR_REACH are one place.
 """
 
 from __future__ import annotations

@@ -59,6 +59,7 @@ class CommonSettings:
     far_sigma : deviation far from all data [m] or [rad]: the height of the walls, of high ones as its square. The paper
         states none.
     margin : free border of the latent box around the codes, as a fraction of its size.
+    closed : whether demonstrations are rounds, each of which ends where it began: their sheet is a cylinder.
     """
 
     seed: int = 0
@@ -82,11 +83,14 @@ class CommonSettings:
     precision_iterations: int = 200
     far_sigma: float = 1.0
     margin: float = 0.05
+    closed: bool = False
 
     @property
-    def knows_progress(self) -> bool:
-        """Whether the encoder reads how far along its demonstration a sample is: on the canonical sheet."""
-        return self.sheet == "canonical"
+    def progress_numbers(self) -> int:
+        """How many numbers the encoder reads, and the decoder decodes, of how far along its demonstration a sample is:
+        on the canonical sheet s, of rounds cosine and sine of 2 pi s; none on the raw one.
+        """
+        return 0 if self.sheet == "raw" else 1 + self.closed
 
     def _choose_by_sheet(self, **choices: tuple[Any, Any]) -> None:
         """Replace what is None by what suits the sheet: choices are (of the canonical one, of the raw one)."""
@@ -98,6 +102,8 @@ class CommonSettings:
         for name, allowed in {"sheet": ("canonical", "raw"), "schedule": ("two_stage", "joint"), **choices}.items():
             if getattr(self, name) not in allowed:
                 raise ParameterError(f"{name} is {getattr(self, name)!r}; it must be one of {', '.join(allowed)}")
+        if self.closed and self.sheet == "raw":
+            raise ParameterError("rounds are learned on the canonical sheet: choose sheet canonical, or closed False")
 
 
 @dataclass(frozen=True)
@@ -227,7 +233,7 @@ def check_settings(settings: Any, hidden: tuple[int, ...], metric: Any, may_be_z
     numbers = asdict(settings) | {f"metric.{name}": value for name, value in asdict(metric).items()}
     wrong = [
         name for name, value in numbers.items()
-        if isinstance(value, int | float) and not (0.0 < value < math.inf or (value == 0.0 and name in may_be_zero))
+        if type(value) in (int, float) and not (0.0 < value < math.inf or (value == 0.0 and name in may_be_zero))
     ]  # fmt: skip
     if wrong:
         raise ParameterError(f"training settings must be positive and finite: {', '.join(wrong)}")

@@ -18,6 +18,7 @@ from geodesic_motion_ros.demonstrations.canonical import (
 from geodesic_motion_ros.demonstrations.demonstrations import Demonstrations
 from geodesic_motion_ros.demonstrations.joint_demonstrations import JointDemonstrations
 from geodesic_motion_ros.demonstrations.modes import blend_weights
+from geodesic_motion_ros.demonstrations.rounds import close_rounds
 from geodesic_motion_ros.learning.autoencoder import Means, OrientationModel
 from geodesic_motion_ros.learning.likelihoods import ConfigurationLikelihood, Likelihood, PoseLikelihood
 from geodesic_motion_ros.learning.settings import CommonSettings, JointTrainingSettings, TrainingSettings
@@ -66,11 +67,13 @@ class ShownTask(ABC):
         return tuple(map(np.concatenate, zip(sheet.curves, sheet.mean_curves(weights), strict=True)))
 
     def coded_curves(self) -> tuple[Curves, DemonstratedEnds | None]:
-        """Make the curves whose codes a skill keeps, and the sheet that holds them, None on the raw one."""
+        """Make the curves whose codes a skill keeps, and the sheet that holds them, None on the raw one; of rounds it is
+        unrolled.
+        """
         if self._form is None:
             return self._raw_code_curves(), None
         sheet = self._form.sheet(CODE_SAMPLES).with_regression()
-        return sheet.curves, sheet
+        return sheet.curves, sheet.unrolled() if self.settings.closed else sheet
 
     def opposite(self, curves: Curves) -> Curves | None:
         """Write the same curves with the other signs of their quaternions; None where these say nothing."""
@@ -84,7 +87,7 @@ class ShownTask(ABC):
         """Choose what the whole of the progress counts in the metric [m]: a share of how far the tool moves in coded
         curves; 0 on the raw sheet.
         """
-        if not self.settings.knows_progress:
+        if not self.settings.progress_numbers:
             return 0.0
         positions, _ = self.tool_poses(curves)
         positions = positions.reshape(*curves[0].shape[:2], 3)
@@ -117,6 +120,8 @@ class ShownPoses(ShownTask):
         self, demonstrations: Demonstrations, settings: TrainingSettings | None = None, robot: str | None = None
     ) -> None:
         self.settings = settings or TrainingSettings()
+        if self.settings.closed:
+            demonstrations = close_rounds(demonstrations, self.settings.rotation_length)
         self._demonstrations = demonstrations.align_hemispheres()
         self.names, self.frame = [item.name for item in demonstrations], demonstrations.frame
         self.robot = robot or DEFAULT_ROBOT
@@ -124,7 +129,8 @@ class ShownPoses(ShownTask):
         # Recordings without orientation are learned with one sign only: there are no two clusters.
         self.orientation_model = self.settings.orientation_model if demonstrations.has_orientation else "sign_blind"
         canonical = self.settings.sheet == "canonical"
-        self._form = PoseForm(self._demonstrations, self.settings.rotation_length) if canonical else None
+        length, closed = self.settings.rotation_length, self.settings.closed
+        self._form = PoseForm(self._demonstrations, length, closed=closed) if canonical else None
 
     def learned_curves(self) -> Curves:
         curves = super().learned_curves()
@@ -170,13 +176,14 @@ class ShownConfigurations(ShownTask):
         robot: str | None = None,
     ) -> None:
         self.settings = settings or JointTrainingSettings()
-        self._demonstrations = demonstrations
+        self._demonstrations = close_rounds(demonstrations, 0.0) if self.settings.closed else demonstrations
         self.robot = robot or demonstrations.robot
         self._arm = Robot.named(self.robot)
         self.names, self.frame = [item.name for item in demonstrations], self._arm.base_link
         self.likelihood = ConfigurationLikelihood(self.settings, self._arm)
         canonical = self.settings.sheet == "canonical"
-        self._form = ConfigurationForm(demonstrations, self._arm, self.settings.metric) if canonical else None
+        metric, closed = self.settings.metric, self.settings.closed
+        self._form = ConfigurationForm(demonstrations, self._arm, metric, closed=closed) if canonical else None
 
     def ends(self, curves: Curves) -> tuple[np.ndarray, np.ndarray]:
         if self._form is None:

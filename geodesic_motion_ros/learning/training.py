@@ -88,7 +88,7 @@ def train_model(curves: Curves, likelihood: Likelihood, progress: Progress | Non
         scaling = _scaling(coordinates)
         vae = AutoEncoder(
             settings.latent_dimension, settings.hidden, *scaling, likelihood.sign_blind,
-            sum(values.shape[1] for values in directions), settings.knows_progress,
+            sum(values.shape[1] for values in directions), settings.progress_numbers,
         )  # fmt: skip
         points = likelihood.points(coordinates)
         samples = Samples(
@@ -152,7 +152,7 @@ def _ascend(
         warm = min(1.0, step / max(1.0, settings.kl_warm_up * steps))
         return (warm * settings.kl_weight * divergence - density).mean()
 
-    descend(loss, vae.parameters(), steps, settings.learning_rate, stage, progress, gently=settings.knows_progress)
+    descend(loss, vae.parameters(), steps, settings.learning_rate, stage, progress, gently=settings.progress_numbers > 0)
 
 
 def _fit_jointly(vae: AutoEncoder, samples: Samples, likelihood: Likelihood, progress: Progress | None) -> None:
@@ -162,7 +162,8 @@ def _fit_jointly(vae: AutoEncoder, samples: Samples, likelihood: Likelihood, pro
     networks = _basis_networks(vae, samples, likelihood)
     for network in networks:
         # They begin as the codes have settled under: a jump of the likelihood would throw them about.
-        network.start_level(vae.encoder(samples.coordinates, samples.directions, samples.fractions)[0])
+        codes, _ = vae.encoder(samples.coordinates, samples.directions, samples.fractions)
+        network.start_level(vae.decoder.seen(codes))
     _install(vae, networks, likelihood)
     _ascend(vae, samples, vae.decoder.precisions, steps - first, "joint", likelihood, progress)
 
@@ -172,7 +173,8 @@ def _basis_networks(vae: AutoEncoder, samples: Samples, likelihood: Likelihood) 
     settings, like = likelihood.settings, {"dtype": samples.coordinates.dtype}
     some = samples.take(drawn_rows(len(samples.coordinates), 1))
     with torch.no_grad():
-        codes = vae.encoder(some.coordinates, some.directions, some.fractions)[0].double().numpy()
+        codes = vae.encoder(some.coordinates, some.directions, some.fractions)[0]
+        codes = vae.decoder.seen(codes).double().numpy()
     centres = place_centres(codes, settings.kernels, settings.seed)
     centre = torch.tensor(centres, **like)
     rate = torch.tensor(kernel_rate(centres, codes, settings.bandwidth_factor), **like)
@@ -180,7 +182,7 @@ def _basis_networks(vae: AutoEncoder, samples: Samples, likelihood: Likelihood) 
     wanted = [(samples.coordinates.shape[1], 1.0 / settings.fixed_sigma, 1.0 / settings.far_sigma)]
     if likelihood.kappa is not None:
         wanted.append((1, *likelihood.kappa))
-    if settings.knows_progress:
+    if settings.progress_numbers:
         wanted.append((1, 1.0 / PROGRESS_SIGMA, 1.0))
     return [
         RadialBasisNetwork(centre, rate, torch.full((outputs,), far, **like), torch.full((outputs,), at_data, **like))
@@ -204,7 +206,7 @@ def _fit_precisions(vae: AutoEncoder, samples: Samples, likelihood: Likelihood, 
     with torch.no_grad():
         latent, _, _ = vae.sample(drawn.coordinates, drawn.directions, drawn.fractions)
         means = decoder.means(latent)
-        activations = networks[0].activations(latent)
+        activations = decoder.activations(latent)
 
     def negative_log_likelihood() -> Tensor:
         return -likelihood.log_density(vae, drawn, means, decoder.combined_precisions(activations)).mean()

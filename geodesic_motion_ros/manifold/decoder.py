@@ -13,7 +13,6 @@ import numpy as np
 
 from geodesic_motion_ros.geometry.quaternions import normalise
 from geodesic_motion_ros.manifold.progress_decoder import ProgressDecoder
-from geodesic_motion_ros.manifold.radial_basis import radial_basis
 from geodesic_motion_ros.utils.checked_numbers import SMALLEST_SCALE
 
 
@@ -44,7 +43,7 @@ class Decoded:
 class TaskSpaceDecoder(ProgressDecoder):
     """p(x, q | z): two tanh layers for the means, RBF networks for sigma^-1 and kappa.
 
-    With the perceptron's outputs o (7), or 8 with progress (`ProgressDecoder`), at y = z,
+    With the perceptron's outputs o (7), and those of progress (`ProgressDecoder`), at y = z,
     position = position_offset + position_scale * o[:3], quaternion = o[3:7] / |o[3:7]|,
     v_k = exp(-rbf_rate |z - c_k|^2), 1 / sigma = sigma_weights v + sigma_floor [1/m],
     kappa = kappa_weights v + kappa_floor. Weights of the RBF networks are positive, so sigma grows and kappa falls
@@ -55,7 +54,7 @@ class TaskSpaceDecoder(ProgressDecoder):
     lowest: ClassVar[dict[str, float]] = {
         "position_scale": SMALLEST_SCALE, "rbf_rate": SMALLEST_SCALE, "sigma_weights": 0.0, "kappa_weights": 0.0,
         "sigma_floor": SMALLEST_SCALE, "kappa_floor": SMALLEST_SCALE, "progress_weights": 0.0,
-        "progress_floor": SMALLEST_SCALE,
+        "progress_floor": SMALLEST_SCALE, "period": SMALLEST_SCALE,
     }  # fmt: skip
 
     position_offset: np.ndarray
@@ -71,17 +70,17 @@ class TaskSpaceDecoder(ProgressDecoder):
 
     def poses(self, latent: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """The means alone: positions (n, 3) [m] and quaternions (n, 4)."""
-        out = self.outputs(latent)
+        out = self.outputs(self.seen(latent))
         return self.position_offset + self.position_scale * out[:, :3], normalise(out[:, 3:7])
 
     def uncertainty(self, latent: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """sigma (n, 3) [m] and kappa (n,) alone: cheaper than decoding, enough to prune a grid."""
         weights = np.vstack([self.sigma_weights, self.kappa_weights])
-        precisions = radial_basis(latent, self.rbf_centres, float(self.rbf_rate), weights)
+        precisions = self.kernels(latent, weights)
         return 1.0 / (precisions[:, :3] + self.sigma_floor), precisions[:, 3] + self.kappa_floor
 
     def expected_shapes(self) -> dict[str, tuple[int, ...]]:
-        centres, outputs = len(np.atleast_1d(self.rbf_centres)), 7 + self.decodes_progress
+        centres, outputs = len(np.atleast_1d(self.rbf_centres)), 7 + self.progress_numbers
         return super().expected_shapes() | {
             "W3": (outputs, self.b2.size), "b3": (outputs,), "position_offset": (3,), "position_scale": (),
             "rbf_centres": (centres, *self.W1.shape[-1:]), "rbf_rate": (),

@@ -12,13 +12,15 @@ from geodesic_motion_ros.utils.checked_numbers import SMALLEST_SCALE
 
 #: The canonical sheet runs from -PRIOR_REACH to PRIOR_REACH on the first latent axis, by the prior.
 PRIOR_REACH = 3.0
+#: Latent points so far apart on the first axis are one point of a cylinder, the sheet of rounds.
+PERIOD = 2.0 * PRIOR_REACH
 
 
 @dataclass(frozen=True)
 class TaskSpaceEncoder(Perceptron):
     """Mean of q(z | x, q): the perceptron's outputs at y = ((x - position_offset) / position_scale, q), or of
-    q(z | x, q, s) at y = (..., 2 s - 1), where it reads progress, the fraction s of the arc: these are added to the
-    prior's mean, (PRIOR_REACH (2 s - 1), 0, ...).
+    q(z | x, q, s) at y = (..., 2 s - 1), where it reads progress, the fraction s of the arc, of rounds at
+    y = (..., cos 2 pi s, sin 2 pi s): these are added to the prior's mean, (PRIOR_REACH (2 s - 1), 0, ...).
 
     Positions [m] in the skill's base frame; the sign of the quaternion matters: in a two-cluster skill q and -q have
     codes in different clusters.
@@ -38,15 +40,15 @@ class TaskSpaceEncoder(Perceptron):
         return _encoded(self, np.concatenate([scaled, quaternions], axis=-1))
 
     def expected_shapes(self) -> dict[str, tuple[int, ...]]:
-        inputs = 8 if self.W1.shape[-1:] == (8,) else 7
+        inputs = min(max(self.W1.shape[-1], 7), 9)
         return super().expected_shapes() | {"W1": (self.b1.size, inputs), "position_offset": (3,), "position_scale": ()}
 
 
 @dataclass(frozen=True)
 class JointSpaceEncoder(Perceptron):
     """Mean of q(z | theta): the perceptron's outputs at y = (theta - joint_offset) / joint_scale, or of q(z | theta, s)
-    at y = (..., 2 s - 1), where it reads progress, the fraction s of the arc: these are added to the prior's mean,
-    (PRIOR_REACH (2 s - 1), 0, ...).
+    at y = (..., 2 s - 1), where it reads progress, the fraction s of the arc, of rounds at
+    y = (..., cos 2 pi s, sin 2 pi s): these are added to the prior's mean, (PRIOR_REACH (2 s - 1), 0, ...).
     """
 
     network: ClassVar[str] = "encoder"
@@ -63,15 +65,19 @@ class JointSpaceEncoder(Perceptron):
 
     def expected_shapes(self) -> dict[str, tuple[int, ...]]:
         inputs = self.W1.shape[-1]
-        joints = inputs - 1 if self.joint_offset.shape == (inputs - 1,) else inputs
+        joints = min(max(self.joint_offset.size, inputs - 2), inputs)
         return super().expected_shapes() | {"joint_offset": (joints,), "joint_scale": ()}
 
 
 def _encoded(encoder: Perceptron, inputs: np.ndarray) -> np.ndarray:
-    """Codes (..., T, d) of an encoder's inputs (..., T, n), 2 s - 1 beside them where it reads one more."""
-    if inputs.shape[-1] == encoder.W1.shape[1]:
+    """Codes (..., T, d) of an encoder's inputs (..., T, n), the numbers of progress beside them that it reads."""
+    numbers = encoder.W1.shape[1] - inputs.shape[-1]
+    if numbers == 0:
         return encoder.outputs(inputs)
-    progress = np.broadcast_to(np.linspace(-1.0, 1.0, inputs.shape[-2]), inputs.shape[:-1])
-    codes = encoder.outputs(np.concatenate([inputs, progress[..., None]], axis=-1))
-    codes[..., 0] += PRIOR_REACH * progress
+    along = np.linspace(-1.0, 1.0, inputs.shape[-2])
+    # 2 pi s, as of s in [0, 1]
+    turned = np.pi * (1.0 + along)
+    read = along[:, None] if numbers == 1 else np.stack([np.cos(turned), np.sin(turned)], axis=1)
+    codes = encoder.outputs(np.concatenate([inputs, np.broadcast_to(read, (*inputs.shape[:-1], numbers))], axis=-1))
+    codes[..., 0] += PRIOR_REACH * along
     return codes

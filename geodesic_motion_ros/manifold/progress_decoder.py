@@ -10,6 +10,9 @@ import numpy as np
 from geodesic_motion_ros.manifold.perceptron import Perceptron
 from geodesic_motion_ros.manifold.radial_basis import radial_basis
 
+#: A step of the perceptron's outputs of progress as a step of s, by their number.
+PROGRESS_SCALES = {1: 0.5, 2: 0.5 / np.pi}
+
 
 @dataclass(frozen=True)
 class ProgressDecoder(Perceptron):
@@ -17,34 +20,58 @@ class ProgressDecoder(Perceptron):
 
     With the perceptron's last output o_s, mu_s = (1 + o_s) / 2; 1 / sigma_s = progress_weights v + progress_floor, v
     the kernels of the subclass. Models of earlier releases, and of the raw sheet, decode no progress.
+
+    Rounds are learned on a cylinder, whose sheet is unrolled: z_0 and z_0 + period are one place. The perceptron and
+    the kernels of such a model see y = (r cos(z_0 / r), r sin(z_0 / r), z_1, ...), r = period / 2 pi, in the place of
+    z: a step along the sheet is as long as it was. In the place of s there are two numbers, on a circle of
+    circumference 1: its mean is the last two outputs over 2 pi, and a step along it is as long as one of s.
     """
 
-    later: ClassVar[tuple[str, ...]] = ("progress_weights", "progress_floor")
+    later: ClassVar[tuple[str, ...]] = ("progress_weights", "progress_floor", "period")
 
     progress_weights: np.ndarray = field(default_factory=lambda: np.empty(0), kw_only=True)
     progress_floor: np.ndarray = field(default_factory=lambda: np.empty(0), kw_only=True)
+    period: np.ndarray = field(default_factory=lambda: np.empty(0), kw_only=True)
 
     rbf_centres: np.ndarray = field(kw_only=True)
     rbf_rate: np.ndarray = field(kw_only=True)
 
     @property
     def latent_dimension(self) -> int:
-        return self.W1.shape[1]
+        return self.W1.shape[1] - self.is_closed
 
     @property
-    def decodes_progress(self) -> bool:
-        """Whether the model decodes progress."""
-        return self.progress_weights.size > 0
+    def is_closed(self) -> bool:
+        """Whether the model is of rounds, on a cylinder."""
+        return self.period.size > 0
+
+    @property
+    def progress_numbers(self) -> int:
+        """How many numbers of progress the model decodes: none, s, or two on a circle."""
+        return (1 + self.is_closed) if self.progress_weights.size > 0 else 0
+
+    def seen(self, latent: np.ndarray) -> np.ndarray:
+        """Return what the networks see of latent points (..., d): y (..., d + 1) on a cylinder, else the points."""
+        if not self.is_closed:
+            return latent
+        radius = float(self.period) / (2.0 * np.pi)
+        turned = latent[..., :1] / radius
+        return np.concatenate([radius * np.cos(turned), radius * np.sin(turned), latent[..., 1:]], axis=-1)
+
+    def kernels(self, latent: np.ndarray, weights: np.ndarray) -> np.ndarray:
+        """Weigh the kernels v (outputs, K) at latent points (n, d): (n, outputs)."""
+        return radial_basis(self.seen(latent), self.rbf_centres, float(self.rbf_rate), weights)
 
     def progress_features(self, latent: np.ndarray, length: float, sigma_weight: float) -> np.ndarray:
-        """Make the features (n, 2) [m] by which progress takes part in the metric, at latent points (n, d):
-        length mu_s, and length sigma_weight sigma_s. Of a model that decodes none (n, 0).
+        """Make the features (n, 2 or 3) [m] by which progress takes part in the metric, at latent points (n, d):
+        length mu_s, but for a constant, and length sigma_weight sigma_s. Of a model that decodes none (n, 0).
         """
-        if not self.decodes_progress or length == 0.0:
+        numbers = self.progress_numbers
+        if numbers == 0 or length == 0.0:
             return np.empty((len(latent), 0))
-        precision = radial_basis(latent, self.rbf_centres, float(self.rbf_rate), self.progress_weights[None])[:, 0]
-        mean = 0.5 * (1.0 + self.outputs(latent)[:, -1])
-        return length * np.stack([mean, sigma_weight / (precision + self.progress_floor)], axis=1)
+        precision = self.kernels(latent, self.progress_weights[None])
+        mean = PROGRESS_SCALES[numbers] * self.outputs(self.seen(latent))[:, -numbers:]
+        return length * np.concatenate([mean, sigma_weight / (precision + self.progress_floor)], axis=1)
 
     def progress_energies(
         self, latent: np.ndarray, edges: np.ndarray, length: float, sigma_weight: float
@@ -55,4 +82,4 @@ class ProgressDecoder(Perceptron):
 
     def expected_shapes(self) -> dict[str, tuple[int, ...]]:
         centres = len(np.atleast_1d(self.rbf_centres))
-        return super().expected_shapes() | {"progress_weights": (centres,), "progress_floor": ()}
+        return super().expected_shapes() | {"progress_weights": (centres,), "progress_floor": (), "period": ()}

@@ -15,7 +15,7 @@ from geodesic_motion_ros.contract.status import Figures, Refusal, Verdict
 from geodesic_motion_ros.motion.path_timer import JointCurve
 from geodesic_motion_ros.motion.plan import MotionState, Plan
 from geodesic_motion_ros.motion.retry import Workings
-from geodesic_motion_ros.motion.solver import Solver, latent_start
+from geodesic_motion_ros.motion.solver import Solver
 from geodesic_motion_ros.obstacles.obstacles import Obstacles
 from geodesic_motion_ros.queries.evasion_targets import displaced_paths, paths_to_targets
 from geodesic_motion_ros.queries.query import ArmQuery
@@ -47,7 +47,7 @@ def evasion_on_graph(
         (begin, first, path)
         for begin, first in _begins(solver, state, obstacles, stop)
         for path in paths_to_targets(
-            solver.graph, query, latent_start(query, begin), evaluation, constants.EVASION_STEPS, apart
+            solver.graph, query, begin.latent_on(query), evaluation, constants.EVASION_STEPS, apart
         )
     )
     for number, (begin, first, path) in enumerate(islice(targets, tried, None), tried + 1):
@@ -94,7 +94,7 @@ def evasion_beside_graph(
     stop : the soonest stop from the state. reach : how far the tool may be from what was demonstrated [m]. workings :
         as of `solve`.
     """
-    latent = latent_start(query, state)[None]
+    latent = state.latent_on(query)[None]
     progress, _ = solver.graph.progress_map(latent)
     configurations = query.configurations_along(latent, state.position)
     if isinstance(configurations, Refusal):

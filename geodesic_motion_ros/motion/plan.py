@@ -9,6 +9,7 @@ import numpy as np
 from geodesic_motion_ros.certification.certificate import JudgedTrajectory
 from geodesic_motion_ros.contract.mode import Mode
 from geodesic_motion_ros.contract.status import Refusal, Verdict
+from geodesic_motion_ros.queries.query import ArmQuery
 from geodesic_motion_ros.queries.search import LatentPath
 from geodesic_motion_ros.trajectory.trajectory import JointReference
 
@@ -56,19 +57,34 @@ class Plan:
 
 @dataclass(frozen=True)
 class MotionState:
-    """The state of motion (eta,) in which a new trajectory takes over at `time` [s], and its latent point (d,)."""
+    """The state of motion (eta,) in which a new trajectory takes over at `time` [s], and its latent point (d,).
+
+    query : on the graph of which that is; None: not known.
+    """
 
     time: float
     position: np.ndarray
     velocity: np.ndarray
     acceleration: np.ndarray
     latent: np.ndarray | None
+    query: ArmQuery | None = None
+
+    def latent_on(self, query: ArmQuery) -> np.ndarray:
+        """Return the latent point (d,) on the graph of a query; where there is none, that of the query's start.
+
+        On the path of another query of a closed skill, which may be rounds away, it is the one nearest to the start.
+        """
+        if self.latent is None:
+            return query.start_latent
+        if query.rounds is None or self.query is query:
+            return self.latent
+        return query.rounds.nearest(self.latent, query.start_latent)
 
     def after(self, stop: JointReference) -> MotionState:
         """Return the state of rest where a stop from this state ends."""
         still = np.zeros_like(self.position)
         latent = None if self.latent is None else stop.latent_at(stop.duration)
-        return MotionState(self.time + stop.duration, stop.positions[-1], still, still, latent)
+        return MotionState(self.time + stop.duration, stop.positions[-1], still, still, latent, self.query)
 
 
 @dataclass(frozen=True)

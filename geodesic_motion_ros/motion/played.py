@@ -79,7 +79,8 @@ class PlayedTrajectory:
         time = self.switch_time(earliest)
         local = time - self.begin
         latent = None if followed is None else self.reference.latent_at(local)
-        return MotionState(time, *self.reference.sample(local), latent)
+        query = None if followed is None else followed.query
+        return MotionState(time, *self.reference.sample(local), latent, query)
 
 
 @dataclass(frozen=True)

@@ -183,15 +183,19 @@ class Solver:
         return Plan(None, state.time, refusal, first)
 
     def _stands_at_goal(self, query: ArmQuery, state: MotionState) -> bool:
-        """Whether the arm stands in the goal configuration; with a skill of tool poses, its tool in the goal pose."""
+        """Whether the arm stands in the goal configuration; with a skill of tool poses, its tool in the goal pose; with a
+        closed skill, at the end of the round.
+        """
         moves = np.any(state.velocity) or np.any(state.acceleration)
-        return not moves and self.space.is_there(self.robot, state.position, query)
+        if moves or not self.space.is_there(self.robot, state.position, query):
+            return False
+        return abs(query.rounds_left(state.latent_on(query))) < 0.5
 
     def _staying(
         self, query: ArmQuery, state: MotionState, obstacles: Obstacles, requirement: Requirement, ends: float
     ) -> Plan:
         """The plan of an arm that stands at its goal: a path around to the same place would be a needless motion."""
-        latent = np.repeat(latent_start(query, state)[None], 2, axis=0)
+        latent = np.repeat(state.latent_on(query)[None], 2, axis=0)
         standing = JointCurve(np.repeat(state.position[None], 2, axis=0), latent, 0.0)
         timed = self.timer.time_curve(state, standing)
         path = LatentPath(np.empty(0, dtype=np.int64), latent, energy=0.0, gap=0.0)
@@ -210,7 +214,7 @@ class Solver:
         """Return the searches among obstacles that stand; ends : clearance [m] of the end that is nearer to one."""
         begun = workings.take_begun(query.body, standing)
         begun = begun or BegunSearch(self.evaluation(query, standing), standing)
-        start, largest = latent_start(query, state), self.requirements.goal.searched.share * ends
+        start, largest = state.latent_on(query), self.requirements.goal.searched.share * ends
         return MarginSearch(self.graph, query, start, begun, deadline, self.settings, largest)
 
     def plan_along(
@@ -353,11 +357,6 @@ class Solver:
         if self.settings.refine:
             path = replace(path, polyline=refined(query.field, reshaped, NO_NODE_REMOVED, path.polyline))
         return self.timer.joint_curve(query, query.start, path, True)
-
-
-def latent_start(query: ArmQuery, state: MotionState) -> np.ndarray:
-    """Return the latent point (d,) of a state; where it has none, that of the query's start."""
-    return query.start_latent if state.latent is None else state.latent
 
 
 def _alike(attempts: tuple[Attempt, ...], optimistic: bool) -> tuple[Attempt, ...]:

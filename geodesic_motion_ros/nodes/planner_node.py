@@ -33,7 +33,7 @@ from geodesic_motion_ros.nodes.planner_parameters import (
 from geodesic_motion_ros.nodes.running import LoopingNode, run_node
 from geodesic_motion_ros.nodes.scene_parameter import declared_scene
 from geodesic_motion_ros.nodes.usage import PROGRAMS
-from geodesic_motion_ros.planning.detour_worker import DetourWorker
+from geodesic_motion_ros.planning.worker import Worker
 from geodesic_motion_ros.planning.planner import ReactivePlanner
 from geodesic_motion_ros.robot.body_points import end_effector_poses
 from geodesic_motion_ros.skill.skill import Skill
@@ -58,7 +58,7 @@ class PlannerNode(LoopingNode):
     def _build(self) -> None:
         values = self._options = NodeParameters(self, PLANNER, _check_settings, self._parameters_changed)
         skill = load_skill(self, values)
-        self._worker = DetourWorker()
+        self._worker = Worker()
         self._goals = ThreadPoolExecutor(1, thread_name_prefix="goals")
         scene = declared_scene(values["scene"], skill)
         try:

@@ -68,13 +68,19 @@ class Arbiter:
             return Decision(stop, None, replace(memory, blocked_since=math.inf))
         if situation.exceeds_limits and (slowed := self._slowed(situation)) is not None:
             return Decision(slowed, query, memory)
+        coming = None if self.mission.next_round is None else self.mission.next_round.query(situation.now)
+        if coming is not None and query is not None:
+            if situation.at_rest:
+                query = coming
+            elif (joined := self._joined(query, coming)) is not None:
+                return joined
         following = situation.followed_to(query)
         if following is not None and self._needs_no_check(following):
             # Nothing has changed since the path was certified.
             return Decision(situation.go_on(following.verdict), query, memory)
         goal = self.mission.active.goal
         if query is None:
-            found = self.arm.query_from(situation.state, situation.followed, goal)
+            found = self.arm.query_from(situation.state, situation.followed, goal, again=self.mission.round > 0)
             if isinstance(found, Refusal):
                 return Decision(situation.begin_stop(found), None, memory)
             query = found
@@ -82,10 +88,28 @@ class Arbiter:
         if followed is not None and not followed.is_due(situation.obstacles, situation.now):
             # The rest of the path is free, and so is a stop a moment later.
             return Decision(situation.go_on(followed.verdict, followed), query, memory)
-        # The workings change as the searches of this tick go on.
-        memory = replace(memory, workings=memory.workings.copy())
-        turn = Turn(self.arm, situation, goal, memory.origin(query), query, memory)
+        turn = self._turn(query)
         return self._without_path(turn) if followed is None else self._improved(turn, followed)
+
+    def _turn(self, query: ArmQuery) -> Turn:
+        """The first turn of a tick, with a query."""
+        assert self.mission.active is not None
+        # The workings change as the searches of this tick go on.
+        memory = replace(self.memory, workings=self.memory.workings.copy())
+        return Turn(self.arm, self.situation, self.mission.active.goal, memory.origin(query), query, memory)
+
+    def _joined(self, query: ArmQuery, coming: ArmQuery) -> Decision | None:
+        """The next round joined to the present one in motion; None where that is not free, or no path is found: then the
+        arm comes to rest at the end of the round.
+        """
+        situation, attempts = self.situation, self.arm.solver.attempts[:1]
+        if situation.free_path(query) is None:
+            return None
+        turn = self._turn(coming)
+        plan = turn.solve(coming, attempts)
+        if plan.trajectory is None or situation.handover_deadline.passed:
+            return None
+        return self._decision(turn.take_path(coming, plan, turn.memory.after(plan, coming, None, attempts, situation)))
 
     @staticmethod
     def _slowed(situation: Situation) -> Step | None:

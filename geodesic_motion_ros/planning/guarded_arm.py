@@ -88,15 +88,24 @@ class GuardedArm:
             )
         return self.queries.goal_by_pose(pose, frame)
 
-    def query_from(self, state: MotionState, followed: FollowedPlan | None, goal: ArmGoal) -> ArmQuery | Refusal:
+    def query_from(
+        self,
+        state: MotionState,
+        followed: FollowedPlan | None,
+        goal: ArmGoal,
+        again: bool = False,
+        rounds: int | None = None,
+    ) -> ArmQuery | Refusal:
         """Return the query to a goal from where the stream is: the followed one redirected, so that the motion goes on
         smoothly; a new one where the arm is at an end of its path.
+
+        again, rounds : as of `QueryBuilder.build` and `QueryBuilder.redirect`.
         """
         if followed is not None and state.latent is not None:
-            query = self.queries.redirect(followed.query, state.position, state.latent, goal)
+            query = self.queries.redirect(followed.query, state.position, state.latent, goal, rounds)
             if query is not None:
                 return query
-        return self.queries.build(state.position, goal)
+        return self.queries.build(state.position, goal, again)
 
     def plan_from_rest(self, start: np.ndarray, goal: ArmGoal, obstacles: Obstacles, reach: float) -> Plan:
         """Return the plan from rest in a configuration (eta,) [rad] to a goal; where there is no path, along a detour
@@ -137,8 +146,8 @@ class GuardedArm:
             return self.find_detour(query, obstacles, request.reach)
         here = None
         if latent is not None:
-            here = self.queries.redirect(query, request.position, latent, request.goal)
-        here = here or self.queries.build(request.position, request.goal)
+            here = self.queries.redirect(query, request.position, latent, request.goal, 0)
+        here = here or self.queries.build(request.position, request.goal, again=True)
         return here if isinstance(here, Refusal) else self.find_detour(here, obstacles, request.reach)
 
 

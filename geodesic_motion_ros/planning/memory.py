@@ -13,7 +13,7 @@ from geodesic_motion_ros.motion.plan import Plan
 from geodesic_motion_ros.motion.retry import PastSearch, Question, Workings
 from geodesic_motion_ros.motion.solver import Solver
 from geodesic_motion_ros.obstacles.obstacles import Obstacles
-from geodesic_motion_ros.planning.detour_worker import DetourJob
+from geodesic_motion_ros.planning.worker import Job
 from geodesic_motion_ros.planning.situation import Situation
 from geodesic_motion_ros.queries.query import ArmQuery
 
@@ -44,7 +44,7 @@ class DetourSearch:
     refusal : None as long as no detour was found, or the one that was found is not refused.
     """
 
-    job: DetourJob
+    job: Job[Detour | Refusal]
     request: DetourRequest
     refusal: Refusal | None = None
 

@@ -7,10 +7,14 @@ from functools import cached_property
 
 import numpy as np
 
+from geodesic_motion_ros.contract.mode import Purpose
+from geodesic_motion_ros.contract.status import Refusal
 from geodesic_motion_ros.geometry.pose import Pose
 from geodesic_motion_ros.geometry.task_frame import TaskFrame
+from geodesic_motion_ros.motion.played import Step
 from geodesic_motion_ros.motion.tracking import Tracking
 from geodesic_motion_ros.obstacles.obstacles import Obstacles
+from geodesic_motion_ros.planning.worker import Job
 from geodesic_motion_ros.queries.query import ArmGoal, ArmQuery
 
 
@@ -45,6 +49,26 @@ class PreparedGoal:
 
 
 @dataclass(frozen=True, eq=False)
+class NextRound:
+    """The next round of a periodic motion, which is being prepared.
+
+    after : the query of the round before. job : its result is the query of this one.
+    """
+
+    after: ArmQuery
+    job: Job[ArmQuery | Refusal]
+
+    def has_failed(self, now: float) -> bool:
+        """Whether there is no such round, as is known at `now` [s]: it is prepared again."""
+        return self.job.is_done(now) and isinstance(self.job.result, Refusal)
+
+    def query(self, now: float) -> ArmQuery | None:
+        """Return the query of the round; None where it is not there at `now` [s]."""
+        result = self.job.result if self.job.is_done(now) else None
+        return None if isinstance(result, Refusal) else result
+
+
+@dataclass(frozen=True, eq=False)
 class Mission:
     """The aim of the arm: the goal that was requested, and the goal that ticks plan to.
 
@@ -54,11 +78,15 @@ class Mission:
     active : the goal that ticks plan to: the newest, or the one before, while the arm moves and the newest is less than
         `NEAR_GOAL` from it.
     query : to the active goal; None: it has none yet.
+    round : how many rounds to that goal were begun: 0 before the arm has set out, 1 where the motion is not periodic.
+    next_round : the one after the present one, of a periodic motion; None: none is near, or wanted.
     """
 
     requested: PreparedGoal | None = None
     active: PreparedGoal | None = None
     query: ArmQuery | None = None
+    round: int = 0
+    next_round: NextRound | None = None
 
     def defers(self, goal: ArmGoal) -> bool:
         """Whether a goal is so near the active one, to which there is a query, that it waits until the arm rests."""
@@ -72,7 +100,17 @@ class Mission:
         """Return the mission with a prepared goal, and its query, as the active one."""
         if self.active is not None and prepared.goal.is_same(self.active.goal):
             return self
-        return replace(self, active=prepared, query=query)
+        return replace(self, active=prepared, query=query, round=0, next_round=None)
+
+    def after(self, query: ArmQuery | None, step: Step, now: float) -> Mission:
+        """Return the mission after a step at `now` [s], with the query that was decided on."""
+        coming = None if self.next_round is None else self.next_round.query(now)
+        if coming is not None and query is coming:
+            return replace(self, query=query, round=self.round + 1, next_round=None)
+        sets_out = step.plan.trajectory is not None and step.followed is not None
+        if self.round == 0 and sets_out and step.followed.purpose is Purpose.GOAL:
+            return replace(self, query=query, round=1)
+        return replace(self, query=query)
 
 
 @dataclass(frozen=True, eq=False)

@@ -33,10 +33,10 @@ from geodesic_motion_ros.motion.stream import Stream
 from geodesic_motion_ros.motion.tracking import Tracking
 from geodesic_motion_ros.obstacles.obstacles import Obstacles
 from geodesic_motion_ros.planning.arbiter import Arbiter, Decision
-from geodesic_motion_ros.planning.detour_worker import DetourWorker
+from geodesic_motion_ros.planning.worker import Worker
 from geodesic_motion_ros.planning.guarded_arm import GuardedArm, PreparedArm
 from geodesic_motion_ros.planning.memory import AttemptMemory, DetourSearch
-from geodesic_motion_ros.planning.mission import GoalRequest, Inputs, Mission, PreparedGoal
+from geodesic_motion_ros.planning.mission import GoalRequest, Inputs, Mission, NextRound, PreparedGoal
 from geodesic_motion_ros.planning.situation import Situation
 from geodesic_motion_ros.queries.output_space import OutputSpace
 from geodesic_motion_ros.queries.pose_query import checked_pose
@@ -81,7 +81,7 @@ class ReactivePlanner:
         settings: PlannerSettings | None = None,
         robot: Robot | None = None,
         collision: CollisionModel | None = None,
-        detours: DetourWorker | None = None,
+        detours: Worker | None = None,
         scene: DeclaredScene | None = None,
     ) -> None:
         """robot, collision : the arm, and the spheres that obstacles are kept away from; None: those of the skill's.
@@ -105,7 +105,7 @@ class ReactivePlanner:
         if self.scene.names:
             check_demonstrations(self.scene, skill, *solver.space.demonstrated_spheres(skill, self.robot, of_arm))
         self._arm, self._stream = GuardedArm.of(solver), Stream(solver.certifier)
-        self._worker = detours or DetourWorker(DETOUR_DELAY)
+        self._worker = detours or Worker(DETOUR_DELAY)
         self._inputs = Inputs(Obstacles.none(), settings.obstacle_position_error, Tracking(), TaskFrame.identity())
         # How far a detour may lead [m]; any thread may set it.
         self._reach = settings.detour if self.may_detour else 0.0
@@ -505,6 +505,11 @@ class ReactivePlanner:
         """Return the motion that is being played and the time of its first knot [s]; None where it leads to no goal."""
         return self._stream.motion_to_goal()
 
+    @property
+    def round(self) -> int:
+        """The number of the round to the goal in which a closed skill is, from 1 on; 0 before it sets out."""
+        return 0 if self.skill.period is None else self._mission.round
+
     def tick(self, now: float, deadline: Deadline = NEVER, handover_deadline: Deadline = NEVER) -> Plan:
         """Make one step of the stream at `now` [s]: return what is to be played from `Plan.begin` on, and the verdict.
 
@@ -528,6 +533,7 @@ class ReactivePlanner:
         mission = self._mission
         if situation.at_rest and mission.requested is not None:
             mission = mission.activate(mission.requested, None)
+        mission = self._with_next_round(situation, mission)
         return self._commit(situation, mission, Arbiter(self._arm, situation, mission, self._memory).decide())
 
     def stop(self, now: float, verdict: Refusal, handover_deadline: Deadline = NEVER) -> Plan:
@@ -540,6 +546,21 @@ class ReactivePlanner:
             return Plan(None, now, verdict, mode=Mode.from_verdict(verdict))
         mission = self._mission
         return self._commit(situation, mission, Decision(situation.begin_stop(verdict), mission.query, self._memory))
+
+    def _with_next_round(self, situation: Situation, mission: Mission) -> Mission:
+        """The mission with the next round of a periodic motion, which is prepared from half of the present one on."""
+        query, coming, settings = mission.query, mission.next_round, self.settings
+        wanted = settings.periodic and (settings.rounds == 0 or mission.round < settings.rounds)
+        following = situation.followed_to(query)
+        if not wanted or query is None or query.rounds is None or following is None:
+            return replace(mission, next_round=None)
+        if coming is not None and coming.after is query and not coming.has_failed(situation.now):
+            return mission
+        assert mission.active is not None
+        if query.rounds_left(situation.state.latent_on(query)) > 0.5:
+            return replace(mission, next_round=None)
+        search = partial(self._arm.query_from, situation.state, following, mission.active.goal, rounds=1)
+        return replace(mission, next_round=NextRound(query, self._worker.start(search, situation.now)))
 
     def _situation(self, now: float, handover_deadline: Deadline, deadline: Deadline = NEVER) -> Situation | None:
         """The situation of a tick at `now` [s]; None where it is not known where the arm stands."""
@@ -558,10 +579,11 @@ class ReactivePlanner:
         self._before = self._stream.kept(), mission, self._memory, self._earlier_limits
         memory = decision.memory
         if decision.detour is not None:
-            latent, obstacles = situation.state.latent, situation.expected_obstacles
+            state, obstacles = situation.state, situation.expected_obstacles
+            latent = None if state.latent is None else state.latent_on(decision.detour.query)
             search = partial(self._arm.find_requested_detour, decision.detour, latent, obstacles)
             memory = replace(memory, detour=DetourSearch(self._worker.start(search, situation.now), decision.detour))
-        self._mission, self._memory = replace(mission, query=decision.query), memory
+        self._mission, self._memory = mission.after(decision.query, decision.step, situation.now), memory
         if not situation.exceeds_limits:
             self._earlier_limits = None
         return replace(self._stream.commit(decision.step, situation.now), mode=situation.mode(decision.step))

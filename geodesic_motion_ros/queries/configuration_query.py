@@ -129,7 +129,7 @@ class ConfigurationQueryBuilder(QueryBuilder[np.ndarray]):
         """
         here, skill = Pose(*self._robot.forward(standing)), self._skill
         start, end = (Pose(*np.split(given, [3])) for given in (skill.start_pose, skill.goal_pose))
-        if not here.is_within(pose, SAME_GOAL) or start.is_within(end, SAME_START):
+        if not here.is_within(pose, SAME_GOAL) or (start.is_within(end, SAME_START) and self._rounds is None):
             return None
         goal = self.goal_by_configuration(standing, frame)
         return None if isinstance(goal, Refusal) else replace(goal, stated="the configuration in which the arm stands")
@@ -189,7 +189,7 @@ class ConfigurationQueryBuilder(QueryBuilder[np.ndarray]):
         return found, reason
 
     def _guesses(self, name: EndName, pose: Pose) -> list[np.ndarray]:
-        if self._poles[name]:
+        if self._poles[name] and self._rounds is None:
             return [pole.mean for pole in self._poles[name]]
         trusted = np.flatnonzero(self._graph.sigma < ENDPOINT_MULTIPLE * self._skill.sigma_support)
         offset = np.linalg.norm(self._tool_positions[trusted] - pose.position, axis=1)
@@ -236,6 +236,13 @@ class ConfigurationQueryBuilder(QueryBuilder[np.ndarray]):
 
     def _difference(self, start: np.ndarray, end: np.ndarray) -> np.ndarray:
         return end - start
+
+    def _shown(self, values: Sequence[np.ndarray]) -> np.ndarray:
+        return values[0]
+
+    def _offsets_of(self, start: np.ndarray, ends: Sequence[np.ndarray]) -> np.ndarray:
+        offsets: np.ndarray = ends[0] - start
+        return offsets
 
     def _lengths(self, offset: np.ndarray) -> tuple[float, ...]:
         return (float(np.linalg.norm(offset)),)

@@ -314,6 +314,14 @@ class PoseQueryBuilder(QueryBuilder[Pose]):
         turn = rotation_vector_between(start.quaternion, end.quaternion)
         return np.concatenate([end.position - start.position, turn])
 
+    def _shown(self, values: Sequence[np.ndarray]) -> Pose:
+        return Pose(*values)
+
+    def _offsets_of(self, start: Pose, ends: Sequence[np.ndarray]) -> np.ndarray:
+        positions, quaternions = ends
+        turns = rotation_vector_between(np.broadcast_to(start.quaternion, quaternions.shape), quaternions)
+        return np.concatenate([positions - start.position, turns], axis=1)
+
     def _lengths(self, offset: np.ndarray) -> tuple[float, ...]:
         return float(np.linalg.norm(offset[:3])), float(np.linalg.norm(offset[3:]))
 

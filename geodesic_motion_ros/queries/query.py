@@ -12,6 +12,9 @@ Which latent points are transported onto start and goal:
   them than the limits allow;
 - otherwise, and always on the raw sheet, the nearest trusted nodes of the manifold.
 
+A closed skill, learned from rounds, has poles all along the round: where it passes nearest to what is requested. A goal
+lies ahead of the start, a whole round where both are the same.
+
 Start and goal may choose between the demonstrations: then the corrections along the mean paths, and how near to them
 paths stay, are those of demonstrations with such ends.
 """
@@ -37,9 +40,10 @@ from geodesic_motion_ros.manifold.node_body import LinkBounds, NodeBody
 from geodesic_motion_ros.manifold.shortest_path import cost_field
 from geodesic_motion_ros.manifold.transport import corrections_at
 from geodesic_motion_ros.manifold.weighted_graph import WeightedGraph
+from geodesic_motion_ros.queries.round_frame import RoundFrame
 from geodesic_motion_ros.robot.collision_model import CollisionModel
 from geodesic_motion_ros.robot.kinematics import Robot
-from geodesic_motion_ros.skill.sheet import beyond_demonstrated
+from geodesic_motion_ros.skill.sheet import UNROLLED_ROUNDS, beyond_demonstrated
 from geodesic_motion_ros.skill.skill import ENDPOINT_MULTIPLE, Skill
 
 EndName = Literal["start", "goal"]
@@ -135,6 +139,7 @@ class Query(Generic[Output]):
     lift : what gives it its configurations; None: no arm holds it.
     displaced : how far the tool was from the graph of the query before this one, as this one began [m]; 0: there was
         none.
+    rounds : of a closed skill; None: it is not closed.
     """
 
     start: Output
@@ -153,6 +158,7 @@ class Query(Generic[Output]):
     along_mean_paths: AlongMeanPaths
     lift: Lift | None = None
     displaced: float = 0.0
+    rounds: RoundFrame | None = None
 
     @property
     def start_latent(self) -> np.ndarray:
@@ -163,6 +169,10 @@ class Query(Generic[Output]):
     def goal_node(self) -> int:
         """The node that is transported onto the goal."""
         return self.ends[1].node
+
+    def rounds_left(self, latent: np.ndarray) -> float:
+        """Return how many rounds of a closed skill lie between a latent point (d,) and the goal; 0 of another skill."""
+        return 0.0 if self.rounds is None else self.rounds.rounds_to(latent, self.ends[1].latent)
 
     def displaced_at(self, progress: np.ndarray) -> float:
         """Return the rest of `displaced` [m] at a progress (1,): it fades towards the goal, as the offset of the start.
@@ -272,6 +282,7 @@ class QueryBuilder(ABC, Generic[Output]):
         self._skill, self._graph, self._settings, self._robot = skill, graph, settings, robot
         self._collision, self._links = collision, LinkBounds.of(collision)
         self._scene, self._scale = scene or DeclaredScene.empty(), scale
+        self._rounds = RoundFrame.of(skill)
         self._mean_paths = skill.mean_paths if settings.ridge_strength > 0.0 else None
         nowhere = np.zeros(len(scale))
         self._unconditioned = self._along_mean_paths(nowhere, nowhere, conditioned=False)
@@ -310,20 +321,34 @@ class QueryBuilder(ABC, Generic[Output]):
 
     # -------------------------------------------------------------- queries
 
-    def build(self, start: np.ndarray, goal: Goal[Output]) -> ArmQuery | Refusal:
-        """Build the query from a configuration (eta,) to a goal; or say why there is none."""
-        found = self.transport(self._output(start, goal.frame), goal.outputs)
+    def build(self, start: np.ndarray, goal: Goal[Output], again: bool = False) -> ArmQuery | Refusal:
+        """Build the query from a configuration (eta,) to a goal; or say why there is none.
+
+        again : the arm has set out to the goal before: of a closed skill it goes there by the shorter part of the round.
+        """
+        found = self.transport(self._output(start, goal.frame), goal.outputs, again)
         return found if isinstance(found, Refusal) else self._held(found, goal.frame, start)
 
-    def redirect(
+    def build_beside(
         self, query: ArmQuery, start: np.ndarray, latent: np.ndarray, goal: Goal[Output]
+    ) -> ArmQuery | Refusal:
+        """Build the query to the goal of an older one from a configuration (eta,) beside its path, at its latent point
+        (d,): of a closed skill as much of the round is left as there.
+        """
+        beside = None if self._rounds is None else self.redirect(query, start, latent, goal, 0)
+        return self.build(start, goal, again=True) if beside is None else beside
+
+    def redirect(
+        self, query: ArmQuery, start: np.ndarray, latent: np.ndarray, goal: Goal[Output], rounds: int | None = None
     ) -> ArmQuery | Refusal | None:
         """Build the query that goes on from a configuration on the path of an older one, at its latent point (d,), to a
         new goal.
 
+        rounds : the goal is that of the older query, so many rounds further on, of a closed skill; None: it is new.
+
         None where the latent point is not connected to any node: then the query has to be built anew.
         """
-        found = self._redirect(query, self._output(start, goal.frame), latent, goal.outputs)
+        found = self._redirect(query, self._output(start, goal.frame), latent, goal.outputs, rounds)
         return found if found is None or isinstance(found, Refusal) else self._held(found, goal.frame, start)
 
     @abstractmethod
@@ -350,8 +375,11 @@ class QueryBuilder(ABC, Generic[Output]):
             return Refusal(VerdictCode.GOAL_OUT_OF_SUPPORT, "the skill has no supported latent point at all")
         return self._offset_refusal("goal", min(ends, key=lambda end: end.misfit))
 
-    def transport(self, start: Output, goals: Sequence[Output]) -> Query[Output] | Refusal:
-        """Choose both ends on one connected piece of the manifold, and transport the graph to them."""
+    def transport(self, start: Output, goals: Sequence[Output], again: bool = False) -> Query[Output] | Refusal:
+        """Choose both ends on one connected piece of the manifold, and transport the graph to them.
+
+        again : as of `build`.
+        """
         pairs = []
         for piece in self._graph.pieces_with_demonstrations():
             here = self._end("start", start, piece)
@@ -366,12 +394,13 @@ class QueryBuilder(ABC, Generic[Output]):
             assert refusal is not None
             return refusal
         here, there = min(allowed, key=lambda pair: self._preference(*pair))
+        here = self._before(here, there, again)
         return self._between(
             here, there, here.task_offset, self._chosen_mean_paths(here.task_offset, there.task_offset)
         )
 
     def _redirect(
-        self, query: Query[Any], start: Output, latent: np.ndarray, goals: Sequence[Output]
+        self, query: Query[Any], start: Output, latent: np.ndarray, goals: Sequence[Output], rounds: int | None
     ) -> Query[Output] | Refusal | None:
         """As `redirect`, not held by an arm yet."""
         piece = int(self._graph.component[query.goal_node])
@@ -388,6 +417,10 @@ class QueryBuilder(ABC, Generic[Output]):
         if not allowed:
             return self._offset_refusal("goal", min(ends, key=lambda end: end.misfit))
         there = min(allowed, key=lambda end: self._preference(here, end))
+        if self._rounds is not None and rounds is not None:
+            here = self._end_at(here, self._rounds.moved(there.latent, -query.rounds_left(latent) - rounds))
+        else:
+            here = self._before(here, there)
         along_mean_paths, moved = query.along_mean_paths, there.task_offset - query.ends[1].task_offset
         if np.linalg.norm(self._scale * moved) > self._same_task:
             along_mean_paths = self._chosen_mean_paths(query.task_start, there.task_offset)
@@ -419,12 +452,35 @@ class QueryBuilder(ABC, Generic[Output]):
             misfits=Figures(**self._misfits("start", here), **self._misfits("goal", there)),
             task_start=task_start,
             along_mean_paths=along_mean_paths,
+            rounds=self._rounds,
         )
+
+    def _before(self, here: End[Output], there: End[Output], again: bool = False) -> End[Output]:
+        """The start of a closed skill before its goal: by less than a round, by a whole one where both are the same.
+        again : as of `build`. The start of another skill as it is.
+        """
+        if self._rounds is None:
+            return here
+        left = self._rounds.rounds_to(here.latent, there.latent)
+        left -= np.round(left) if again else np.floor(left)
+        same = self._apart(here.requested, there.requested) < self._same_task
+        if same and not again and left < 0.5:
+            left += 1.0
+        return self._end_at(here, self._rounds.moved(there.latent, -left))
+
+    def _end_at(self, end: End[Output], along: np.ndarray) -> End[Output]:
+        """An end in another round, where a latent point (d,) lies on the first axis."""
+        latent = np.concatenate([along[:1], end.latent[1:]])
+        piece = self._graph.component == self._graph.component[end.node]
+        node = self._graph.node_near(latent, piece, 2)
+        return replace(end, latent=latent, node=end.node if node is None else node)
 
     # ----------------------------------------------------------------- ends
 
     def _find_poles(self, name: EndName) -> list[Pole[Output]]:
         sheet, poles = self._skill.canonical, []
+        if self._rounds is not None:
+            return self._poles_along(self._rounds)
         for members, mean in self._groups(name):
             assert sheet is not None
             latent = self._skill.codes[members, 0 if name == "start" else -1].mean(axis=0)
@@ -437,19 +493,65 @@ class QueryBuilder(ABC, Generic[Output]):
             poles.append(Pole(latent, node, self._decoded(latent), mean, offsets[members]))
         return poles
 
+    def _poles_along(self, rounds: RoundFrame) -> list[Pole[Output]]:
+        """Those of a closed skill: in the last round, all along the mean of each mode."""
+        sheet, codes, poles = self._skill.canonical, self._skill.codes, []
+        assert sheet is not None
+        everywhere = np.ones(len(self._graph.latent), dtype=bool)
+        weights = sheet.weights(np.zeros(len(self._scale)), np.zeros(len(self._scale)), conditioned=False)
+        means = sheet.mean_curves(weights)
+        for mode, along in enumerate(np.einsum("kn,nsd->ksd", weights, codes)):
+            members = sheet.modes == mode
+            last = np.flatnonzero((along[:, 0] >= rounds.last) & (along[:, 0] < rounds.last + rounds.period))
+            for sample in last:
+                latent, mean = along[sample], self._shown([curve[mode, sample] for curve in means])
+                node = self._graph.node_near(latent, everywhere, max(self._graph.grid.shape))
+                assert node is not None
+                shown = [curve[members, sample] for curve in sheet.curves]
+                offsets = sheet.start_offsets[members] + self._offsets_of(mean, shown)
+                poles.append(Pole(latent, node, self._decoded(latent), mean, offsets))
+        return poles
+
     def _end(self, name: EndName, requested: Output, piece: int) -> End[Output] | None:
         """Where a connected piece of the graph meets an output; None where none of it is trusted."""
         poles = [pole for pole in self._poles[name] if self._graph.component[pole.node] == piece]
-        best = min((self._at_pole(pole, requested) for pole in poles), key=lambda end: end.misfit, default=None)
+        if self._rounds is not None and poles:
+            best: End[Output] | None = self._on_round(poles, requested)
+        else:
+            best = min((self._at_pole(pole, requested) for pole in poles), key=lambda end: end.misfit, default=None)
         if best is not None and self._is_allowed(best):
             return best
         node = self._nearest_node(requested, piece, ENDPOINT_MULTIPLE * self._skill.sigma_support)
+        if node is not None and self._rounds is not None:
+            node = self._graph.node_near(self._rounds.in_last(self._graph.latent[node]), self._graph.component == piece, 2)
         if node is None:
             return best
         decoded = self._decoded(self._graph.latent[node])
         offset = self._difference(decoded, requested)
         nearest = End(self._graph.latent[node], node, decoded, requested, offset, offset, np.zeros_like(offset))
         return nearest if best is None else min(nearest, best, key=lambda end: end.misfit)
+
+    def _on_round(self, poles: list[Pole[Output]], requested: Output) -> End[Output]:
+        """Where rounds pass nearest to an output, between two poles: a whole step along the round would be carried on all
+        around it.
+        """
+        pole = min(poles, key=lambda pole: self._apart(pole.mean, requested))
+        others = [other for other in poles if 0.0 < abs(other.latent[0] - pole.latent[0]) < self._graph.grid.step * 2.0]
+        end = self._at_pole(pole, requested)
+        if not others:
+            return end
+        other = min(others, key=lambda other: self._apart(other.mean, requested))
+        step = self._scale * self._difference(pole.mean, other.mean)
+        share = np.clip(step @ (self._scale * end.task_offset) / max(step @ step, 1e-12), 0.0, 1.0)
+        latent = pole.latent + share * (other.latent - pole.latent)
+        decoded, task_offset = self._decoded(latent), end.task_offset - share * step / self._scale
+        offset = self._difference(decoded, requested)
+        beyond = beyond_demonstrated(task_offset, pole.demonstrated, self._scale)
+        return End(latent, pole.node, decoded, requested, offset, beyond, task_offset)
+
+    def _apart(self, one: Output, other: Output) -> float:
+        """How far one output is from another, in the scale of offsets."""
+        return float(np.linalg.norm(self._scale * self._difference(one, other)))
 
     def _at_pole(self, pole: Pole[Output], requested: Output) -> End[Output]:
         task_offset = self._difference(pole.mean, requested)
@@ -507,8 +609,10 @@ class QueryBuilder(ABC, Generic[Output]):
     def _cost_of_demonstration(self) -> float:
         """The cost of the first demonstration's path where the skill was demonstrated."""
         everywhere = np.ones(len(self._graph.latent), dtype=bool)
-        steps = max(self._graph.grid.shape)
-        start, goal = (self._graph.node_near(code, everywhere, steps) for code in self._skill.codes[0, [0, -1]])
+        steps, codes = max(self._graph.grid.shape), self._skill.codes[0]
+        # one of the rounds, that of a closed skill in the middle
+        ends = [0, -1] if self._rounds is None else [len(codes) // UNROLLED_ROUNDS, 2 * len(codes) // UNROLLED_ROUNDS]
+        start, goal = (self._graph.node_near(code, everywhere, steps) for code in codes[ends])
         assert start is not None
         assert goal is not None
         return float(cost_field(self._graph.adjacency, self._unmoved, goal)[start])
@@ -534,6 +638,14 @@ class QueryBuilder(ABC, Generic[Output]):
     @abstractmethod
     def _difference(self, start: Output, end: Output) -> np.ndarray:
         """The offset (k,) that carries one output to another."""
+
+    @abstractmethod
+    def _shown(self, values: Sequence[np.ndarray]) -> Output:
+        """The output of a sample of a sheet's curves."""
+
+    @abstractmethod
+    def _offsets_of(self, start: Output, ends: Sequence[np.ndarray]) -> np.ndarray:
+        """The offsets (N, k) that carry an output to samples (N, ...) of a sheet's curves."""
 
     @abstractmethod
     def _lengths(self, offset: np.ndarray) -> tuple[float, ...]:

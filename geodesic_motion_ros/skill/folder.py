@@ -14,7 +14,7 @@ import numpy as np
 from geodesic_motion_ros.robot.description import robot_folder, shipped_robots
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.skill.description import DESCRIPTION, LATENT, METADATA, WEIGHTS, check_description
-from geodesic_motion_ros.skill.sheet import DemonstratedEnds
+from geodesic_motion_ros.skill.sheet import UNROLLED_ROUNDS, DemonstratedEnds
 from geodesic_motion_ros.skill.space import SPACES, SkillSpace
 from geodesic_motion_ros.utils.checked_files import opened, read_arrays, read_tensors, read_yaml
 from geodesic_motion_ros.utils.checked_numbers import (
@@ -61,7 +61,8 @@ def read_folder(path: Path) -> dict[str, Any]:
     decoder = attributes["decoder"]
     with _about(path / LATENT):
         arrays = read_arrays(io.BytesIO(content[LATENT]))
-        attributes |= _latent(arrays, decoder.latent_dimension)
+        period = float(decoder.period) if decoder.is_closed else None
+        attributes |= _latent(arrays, decoder.latent_dimension, period)
         attributes["canonical"] = _canonical(arrays, described, attributes["codes"], joints)
     with _about(path / WEIGHTS):
         _check_decoded(decoder, attributes["codes"], space)
@@ -117,8 +118,8 @@ def _with_prefix(arrays: dict[str, np.ndarray], prefix: str) -> dict[str, np.nda
     return {name.removeprefix(prefix): a for name, a in arrays.items() if name.startswith(prefix)}
 
 
-def _latent(arrays: dict[str, np.ndarray], d: int) -> dict[str, np.ndarray]:
-    """Codes, box and ends of a skill of d latent dimensions."""
+def _latent(arrays: dict[str, np.ndarray], d: int, period: float | None) -> dict[str, np.ndarray]:
+    """Codes, box and ends of a skill of d latent dimensions, with the period of rounds."""
     for name in LATENT_ARRAYS:
         if name not in arrays:
             raise SkillError(f"lacks {name}; it must hold {', '.join(LATENT_ARRAYS)}")
@@ -130,6 +131,10 @@ def _latent(arrays: dict[str, np.ndarray], d: int) -> dict[str, np.ndarray]:
     for name, shape in {"codes": (*codes.shape[:2], d), "latent_lower": (d,), "latent_upper": (d,)}.items():
         check_array(name, latent[name], shape, -LARGEST_CODE, LARGEST_CODE)
     size = upper - lower
+    if period is not None and not np.isclose(period * UNROLLED_ROUNDS, size[0], rtol=0.1):
+        raise SkillError(
+            f"the box is {size[0]:.4g} long on the first axis; {UNROLLED_ROUNDS} rounds of {period:.4g} are to be in it"
+        )
     if np.any(size < SMALLEST_BOX):
         raise SkillError(f"latent_upper lies {size.min():.4g} above latent_lower; at least {SMALLEST_BOX} is needed")
     rounding = 1e-6 * size

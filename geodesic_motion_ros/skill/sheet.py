@@ -24,6 +24,9 @@ from geodesic_motion_ros.utils.checked_files import brief
 from geodesic_motion_ros.utils.checked_numbers import ARM_REACH, LARGEST_TURN, check_array, check_range, check_unit
 from geodesic_motion_ros.utils.errors import SkillError
 
+#: The sheet of rounds is unrolled over so many: a motion of one, or of one and a half that is joined in motion, begins
+#: and ends inside of it, wherever on the round it begins.
+UNROLLED_ROUNDS = 3
 #: No two times of a recording are further apart [s].
 LONGEST_DEMONSTRATION = 1e11
 #: What a turn of one radian counts against a distance where offsets are compared [m].
@@ -71,6 +74,13 @@ class DemonstratedEnds(ABC):
         if np.any(self.modes):
             return self
         return replace(self, penalty=regression_penalty(self.features(), self.curves[0]))
+
+    @abstractmethod
+    def unrolled(self) -> DemonstratedEnds:
+        """Follow rounds for `UNROLLED_ROUNDS`, curves (N, S, ...) as (N, UNROLLED_ROUNDS (S - 1) + 1, ...)."""
+
+    def _unrolled_times(self) -> np.ndarray | None:
+        return None if self.times is None else unrolled(self.times[..., None], self.times[:, -1:])[..., 0]
 
     def check_arrays(self, shapes: dict[str, tuple[int, ...]]) -> None:
         """Refuse arrays of other shapes, with values that are not finite or that no arm moves by (SkillError)."""
@@ -178,6 +188,10 @@ class CanonicalSheet(DemonstratedEnds):
     def mean_curves(self, weights: np.ndarray) -> tuple[np.ndarray, ...]:
         return np.einsum("kn,nsj->ksj", weights, self.positions), self._rotations.blend(weights)
 
+    def unrolled(self) -> CanonicalSheet:
+        positions, quaternions = unrolled(self.positions), unrolled(self.quaternions)
+        return replace(self, positions=positions, quaternions=quaternions, times=self._unrolled_times())
+
     @cached_property
     def _rotations(self) -> RotationCurves:
         return RotationCurves.of(self.quaternions)
@@ -239,6 +253,9 @@ class JointSheet(DemonstratedEnds):
         count, samples, dimension = mean_paths.centres.shape
         return means - decoder.configurations(mean_paths.centres.reshape(-1, dimension)).reshape(count, samples, -1)
 
+    def unrolled(self) -> JointSheet:
+        return replace(self, configurations=unrolled(self.configurations), times=self._unrolled_times())
+
 
 @dataclass(frozen=True)
 class RotationCurves:
@@ -259,6 +276,14 @@ class RotationCurves:
         """Average the rotation vectors with weights (B, N), rows sum to 1, into quaternions (B, T, 4)."""
         turns = np.einsum("bn,ntj->btj", weights, self.turns)
         return rotate_by(turns, np.broadcast_to(self.middle, (len(weights), *self.middle.shape)))
+
+
+def unrolled(rounds: np.ndarray, step: np.ndarray | float = 0.0) -> np.ndarray:
+    """Follow rounds (N, S, k) for `UNROLLED_ROUNDS`: (N, UNROLLED_ROUNDS (S - 1) + 1, k), each of which is a step
+    (N, k) further than the one before. The last sample of a round is the first of the next.
+    """
+    each = [rounds + number * np.atleast_2d(step)[:, None] for number in range(UNROLLED_ROUNDS)]
+    return np.concatenate([*(one[:, :-1] for one in each[:-1]), each[-1]], axis=1)
 
 
 def beyond_demonstrated(offset: np.ndarray, demonstrated: np.ndarray, scale: np.ndarray = POSE_SCALE) -> np.ndarray:

@@ -116,6 +116,20 @@ class LearnedModel:
             return None
         return MeanPaths.of_codes(self.codes, self.canonical.modes)
 
+    @property
+    def period(self) -> float | None:
+        """How far apart latent points on the first axis are one place of a round; None: the skill is not closed."""
+        return float(self.decoder.period) if self.decoder.is_closed else None
+
+    @property
+    def grid_shape(self) -> tuple[int, ...]:
+        """That of the default graph: of GRID_SHAPES, of rounds along each of them."""
+        shape = GRID_SHAPES[len(self.latent_lower)]
+        if self.period is None:
+            return shape
+        along = shape[0] * (self.latent_upper[0] - self.latent_lower[0]) / self.period
+        return (1 + round(along), *shape[1:])
+
     def graph(
         self, shape: tuple[int, ...] | None = None, neighbours: int | None = None
     ) -> PoseGraph | ConfigurationGraph:
@@ -133,7 +147,7 @@ class LearnedModel:
 
     def _graph(self, shape: tuple[int, ...] | None, neighbours: int | None) -> PoseGraph | ConfigurationGraph:
         dimension = len(self.latent_lower)
-        shape, neighbours = shape or GRID_SHAPES[dimension], neighbours or NEIGHBOURS[dimension]
+        shape, neighbours = shape or self.grid_shape, neighbours or NEIGHBOURS[dimension]
         recipe = {
             "decoder": self.decoder, "codes": self.codes, "lower": self.latent_lower, "upper": self.latent_upper,
             "metric": self.metric, "sigma_limit": self.sigma_limit, "shape": shape, "neighbours": neighbours,
@@ -197,8 +211,7 @@ class Skill(LearnedModel):
 
     def _energy_limit(self, shape: tuple[int, ...]) -> float:
         """energy_per_edge for edges of another grid: squared lengths grow with the square of the spacing."""
-        calibrated = GRID_SHAPES[len(self.latent_lower)]
-        coarser = max((reference - 1) / (side - 1) for reference, side in zip(calibrated, shape, strict=False))
+        coarser = max((reference - 1) / (side - 1) for reference, side in zip(self.grid_shape, shape, strict=False))
         return self.energy_per_edge * max(1.0, coarser**2)
 
     def save(self, folder: str | os.PathLike[str]) -> Path:

@@ -10,17 +10,18 @@ from geodesic_motion_ros.manifold.decoder import TaskSpaceDecoder
 from geodesic_motion_ros.manifold.encoder import TaskSpaceEncoder
 
 
-@pytest.fixture(params=[False, True])
+@pytest.fixture(params=[0, 1, 2])
 def vae(request):
-    """An untrained model with random weights everywhere, without progress and with it."""
+    """An untrained model with random weights everywhere, without progress, with it, and of rounds."""
     with torch.random.fork_rng():
         torch.manual_seed(5)
         scaling = torch.tensor([0.4, -0.1, 0.3]), torch.tensor(0.21)
         vae = AutoEncoder(2, (20, 10), *scaling, False, 4, request.param).double()
-        centres, rate = torch.randn(30, 2).double(), torch.tensor(2.5).double()
+        centres = torch.randn(30, 3 if request.param == 2 else 2).double()
+        rate = torch.tensor(2.5).double()
         networks = [
             RadialBasisNetwork(centres, rate, torch.full((n,), floor).double(), torch.full((n,), scale).double())
-            for n, floor, scale in ((3, 1.0, 200.0), (1, 0.01, 1600.0), (1, 1.0, 20.0))[: 2 + request.param]
+            for n, floor, scale in ((3, 1.0, 200.0), (1, 0.01, 1600.0), (1, 1.0, 20.0))[: 2 + min(request.param, 1)]
         ]
         torch.nn.init.normal_(vae.encoder.perceptron.layers[-1].weight)
         for network in networks:
@@ -45,13 +46,13 @@ def test_decoder_agrees_with_its_numpy_twin(vae):
     np.testing.assert_allclose(exported.sigma, 1.0 / precisions.inverse_sigma, rtol=1e-10)
     np.testing.assert_allclose(exported.kappa, precisions.kappa, rtol=1e-10)
     decoder = vae.decoder.to_numpy()
-    assert decoder.decodes_progress is vae.decoder.decodes_progress
+    assert decoder.progress_numbers == vae.decoder.progress_count
     features = decoder.progress_features(latent, 0.2, 10.0)
-    if not decoder.decodes_progress:
+    if not decoder.progress_numbers:
         assert features.shape == (200, 0)
         return
-    np.testing.assert_allclose(features[:, 0], 0.2 * means.progress, rtol=1e-10, atol=1e-12)
-    np.testing.assert_allclose(features[:, 1], 2.0 / precisions.progress, rtol=1e-10)
+    np.testing.assert_allclose(features[:, :-1], 0.2 * means.progress, rtol=1e-10, atol=1e-12)
+    np.testing.assert_allclose(features[:, -1], 2.0 / precisions.progress, rtol=1e-10)
 
 
 def test_decoder_survives_the_conversion_to_numpy_and_back(vae):

@@ -39,7 +39,7 @@ def graph(length: float) -> PoseGraph:
 
 def test_a_decoder_without_progress_is_read_as_before() -> None:
     decoder = TaskSpaceDecoder.from_arrays(weights(progress=False))
-    assert not decoder.decodes_progress
+    assert decoder.progress_numbers == 0
     assert "progress_weights" not in decoder.arrays()
     arrays = weights(progress=True)
     del arrays["progress_weights"], arrays["progress_floor"]

@@ -18,7 +18,7 @@ from geodesic_motion_ros.motion.plan import MotionState, Plan
 from geodesic_motion_ros.motion.stream import Stream
 from geodesic_motion_ros.obstacles.obstacles import Obstacles
 from geodesic_motion_ros.planning.arbiter import Arbiter, Decision
-from geodesic_motion_ros.planning.detour_worker import DetourJob
+from geodesic_motion_ros.planning.worker import Job
 from geodesic_motion_ros.planning.guarded_arm import GuardedArm
 from geodesic_motion_ros.planning.memory import AttemptMemory, DetourRequest, DetourSearch
 from geodesic_motion_ros.planning.mission import Mission
@@ -146,7 +146,7 @@ def detour_search(request: DetourRequest, result: Detour | Refusal) -> DetourSea
     """One that is done."""
     future: Future[Detour | Refusal] = Future()
     future.set_result(result)
-    return DetourSearch(DetourJob(future, None), request)
+    return DetourSearch(Job(future, None), request)
 
 
 def test_without_a_goal_nothing_is_searched(arm: Arm) -> None:

@@ -17,7 +17,7 @@ from geodesic_motion_ros.motion.detour import DetourPlanner
 from geodesic_motion_ros.motion.plan import Plan
 from geodesic_motion_ros.motion.solver import Solver
 from geodesic_motion_ros.obstacles.obstacles import Obstacles
-from geodesic_motion_ros.planning.detour_worker import DetourWorker
+from geodesic_motion_ros.planning.worker import Worker
 from geodesic_motion_ros.planning.mission import PreparedGoal
 from geodesic_motion_ros.planning.planner import ReactivePlanner
 from geodesic_motion_ros.queries.posture import null_vectors
@@ -372,7 +372,7 @@ def test_a_detour_that_was_found_is_not_followed_where_it_has_become_too_long(pl
 
 
 def test_an_error_in_a_search_is_why_there_is_no_detour() -> None:
-    worker = DetourWorker(0.0)
+    worker = Worker(0.0)
 
     def search() -> Refusal:
         raise ValueError("no such thing")

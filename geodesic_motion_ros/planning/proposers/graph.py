@@ -52,7 +52,7 @@ def _query_to_try(turn: Turn, blocked: FailedAttempts | None) -> tuple[ArmQuery 
         return query, blocked
     other, position = None, situation.state.position
     if query is blocked.origin and not np.array_equal(query.start, position):
-        anew = queries.build(position, turn.goal)
+        anew = queries.build_beside(query, position, situation.state.latent_on(query), turn.goal)
         other = None if isinstance(anew, Refusal) else anew
     other = other or queries.other_posture(query)
     if other is None and blocked.unfinished:

@@ -79,7 +79,7 @@ def _restored(tensors: dict[str, torch.Tensor], settings: JointTrainingSettings)
     """The model whose state it is, frozen."""
     scaling = tensors["encoder.offset"], tensors["encoder.scale"]
     vae = AutoEncoder(
-        settings.latent_dimension, settings.hidden, *scaling, progress=settings.knows_progress
+        settings.latent_dimension, settings.hidden, *scaling, progress=settings.progress_numbers
     ).double()
     network = (tensors[f"decoder.inverse_sigma.{name}"] for name in ("centres", "rate", "floor", "scale"))
     vae.decoder.inverse_sigma = RadialBasisNetwork(*network)

@@ -35,7 +35,7 @@ class JointPullbackMetric:
 
     def features(self, latent: Tensor) -> Tensor:
         """(mu, s sigma), (..., 2 eta) [rad], at latent points (..., d)."""
-        sigma = 1.0 / self.decoder.inverse_sigma(latent)
+        sigma = 1.0 / self.decoder.precisions(latent).inverse_sigma
         return torch.cat([self.decoder.means(latent).coordinates, self.settings.sigma_weight * sigma], dim=-1)
 
     def __call__(self, latent: Tensor) -> Tensor:
@@ -48,7 +48,7 @@ class JointPullbackMetric:
         tool = torch.einsum("naj,npjd->npad", self.body.orientation_jacobians(means), slopes)
         tool = self.settings.orientation_weight / jacobians.shape[1] ** 0.5 * tool
         parts = [moved, tool, self.settings.joint_weight * slopes]
-        if self.decoder.decodes_progress:
+        if self.decoder.progress_count:
             parts.append(torch.func.vmap(torch.func.jacfwd(self._progress))(latent))
         return sum(torch.einsum("nrd,nre->nde", part.flatten(1, -2), part.flatten(1, -2)) for part in parts)
 

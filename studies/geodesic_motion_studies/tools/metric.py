@@ -92,12 +92,13 @@ class PullbackMetric:
 def progress_features(
     decoder: DecoderNetwork, latent: Tensor, settings: MetricSettings | JointMetricSettings
 ) -> tuple[Tensor, ...]:
-    """Make the features l s and l w sigma_s, (..., 1) each, of a decoder that decodes progress; none of another one."""
+    """Make the features l s (..., 1 or 2) and l w sigma_s (..., 1) of a decoder that decodes progress; none of another.
+    """
     means, precisions = decoder.means(latent), decoder.precisions(latent)
     if means.progress is None:
         return ()
-    features = means.progress, settings.sigma_weight / precisions.progress
-    return tuple(settings.progress_length * feature[..., None] for feature in features)
+    features = means.progress, settings.sigma_weight / precisions.progress[..., None]
+    return tuple(settings.progress_length * feature for feature in features)
 
 
 def magnification_factor(metric: Metric, latent: Tensor) -> Tensor:
