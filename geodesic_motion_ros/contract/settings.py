@@ -150,6 +150,8 @@ NEAR_GOAL = 2e-3, 1e-2
 SAME_TASK_POSE = 0.02
 #: A goal configuration that moves no further than this does so, too [rad].
 SAME_TASK_JOINTS = 0.05
+#: Offsets of both ends that differ by no more than this are those of a motion that comes round [rad].
+SAME_ROUND = 1e-3
 #: A goal pose is searched from this many of the nearest nodes where the demonstrations have no common ends.
 NEAREST_POSES = 3
 #: A base path is smoothed by this width in the latent space [grid steps].

@@ -51,6 +51,9 @@ LARGEST_TURN = 2.0
 LARGEST_OFFSET = 1.5
 #: A demonstration sets out, and comes to rest, where it is this share of its arc from its ends: hands are never still.
 STILL = 1e-3
+#: A round that was shown alone sets out and comes to rest within this share of its arc; it rests where it is slower
+#: there than beside by this factor.
+SEAM, RESTS = 0.1, 3.0
 #: y = theta - D(y, s) is solved by so many fixed-point iterations.
 _ITERATIONS = 8
 
@@ -112,8 +115,10 @@ class CanonicalForm(ABC):
         return curves[0]
 
     def _known_times(self, samples: int) -> np.ndarray | None:
-        """As of `times`; None where the recordings have none."""
-        return self.times(samples) if self._demonstrations.has_times else None
+        """As of `times`, of rounds without the rests between which they were shown; None: the recordings have none."""
+        if not self._demonstrations.has_times:
+            return None
+        return _running_times(self.times(samples)) if self.closed else self.times(samples)
 
 
 class PoseForm(CanonicalForm):
@@ -324,6 +329,21 @@ def _times_along(arc: np.ndarray, times: np.ndarray, samples: int) -> np.ndarray
     set_out, arrived = np.searchsorted(arc, [STILL * arc[-1], (1.0 - STILL) * arc[-1]])
     moving = np.clip(times, times[set_out - 1], times[arrived]) - times[set_out - 1]
     return np.interp(np.linspace(0.0, arc[-1], samples), arc, moving)
+
+
+def _running_times(times: np.ndarray) -> np.ndarray:
+    """Times (N, T) [s] of rounds that follow one another: where one was shown alone, from rest to rest, it runs through
+    SEAM of its arc at either end at the rates beside that.
+    """
+    rates = np.diff(times, axis=1)
+    seam = max(1, round(SEAM * rates.shape[1]))
+    before, after = rates[:, -seam - 1], rates[:, seam]
+    between = np.linspace(before, after, 2 * seam + 2, axis=1)[:, 1:-1]
+    shown = np.concatenate([rates[:, -seam:], rates[:, :seam]], axis=1)
+    rests = shown.max(axis=1) > RESTS * between.max(axis=1)
+    running = np.where(rests[:, None], np.minimum(shown, between), shown)
+    rates = np.concatenate([running[:, seam:], rates[:, seam:-seam], running[:, :seam]], axis=1)
+    return np.concatenate([np.zeros((len(times), 1)), np.cumsum(rates, axis=1)], axis=1)
 
 
 def _refuse_strange_poses(names: Sequence[str], verb: str, offsets: np.ndarray, lengths: list[float]) -> None:

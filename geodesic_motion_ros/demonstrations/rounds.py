@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
 from scipy.signal import detrend
@@ -59,7 +60,7 @@ def find_rounds(motions: Sequence[Take], closed: bool | None = None) -> Rounds |
     for motion in motions:
         parts, mean = _following_rounds(motion, like)
         like = mean if like is None else like
-        if not parts and _returns(motion):
+        if not parts and _returns(motion, LARGEST_GAP if closed else LOOP):
             parts = [motion]
         found.append((motion, parts))
     whole = [motion for motion, parts in found if parts]
@@ -94,9 +95,9 @@ def find_returns(motions: Sequence[Take]) -> list[Flaw]:
         how = "learn a closed skill, or end demonstrations where they turn back (--split)"
         what = f"returns to its start ({len(returning)} of {len(motions)} do), and {_described(returning[0])}"
         return [Flaw(returning[0].name, float(returning[0].times[-1]), what, Action.REFUSED, how)]
-    how = "a skill leads to the goal once: it may leave rounds out"
+    what, how = "goes over its own path, and", "a skill leads to the goal once: it may leave rounds out"
     return [
-        Flaw(motion.name, float(motion.times[-1]), f"goes over its own path, and {_described(motion)}", Action.KEPT, how)
+        Flaw(motion.name, float(motion.times[-1]), f"{what} {_described(motion)}", Action.KEPT, how)
         for motion in motions
         if _is_retraced(motion)
     ]
@@ -225,7 +226,7 @@ def _following_rounds(motion: Take, like: np.ndarray | None) -> tuple[list[Take]
     usual = np.median(np.diff(passes))
     spans = [
         (grid[one], grid[other])
-        for one, other in zip(passes[:-1], passes[1:], strict=True)
+        for one, other in pairwise(passes)
         if abs(other - one - usual) <= _UNEVEN * usual
     ]
     parts = [
@@ -253,7 +254,7 @@ def _mean_round(places: np.ndarray, passes: np.ndarray) -> np.ndarray:
     """The mean (_SAMPLES, D) of the rounds of places (T, D) between passes."""
     samples = np.arange(len(places))
     rounds = []
-    for one, other in zip(passes[:-1], passes[1:], strict=True):
+    for one, other in pairwise(passes):
         at = np.linspace(one, other, _SAMPLES, endpoint=False)
         rounds.append(np.stack([np.interp(at, samples, column) for column in places.T], axis=1))
     return np.mean(rounds, axis=0)

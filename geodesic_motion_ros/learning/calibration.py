@@ -20,7 +20,7 @@ from geodesic_motion_ros.manifold.encoder import PERIOD
 from geodesic_motion_ros.manifold.latent_graph import LatentGraph
 from geodesic_motion_ros.robot.description import RobotDescription
 from geodesic_motion_ros.skill.sheet import unrolled
-from geodesic_motion_ros.skill.skill import GRID_SHAPES, LearnedModel, Skill
+from geodesic_motion_ros.skill.skill import ROUND_SHAPES, LearnedModel, Skill
 from geodesic_motion_ros.utils.errors import SkillError
 
 #: The support is measured by this percentile of rms sigma on the codes: a few bad samples do not widen it.
@@ -51,7 +51,7 @@ def assemble_skill(vae: AutoEncoder, shown: ShownTask, name: str, provenance: di
     if settings.closed:
         codes = unrolled(codes, np.eye(codes.shape[-1])[0] * PERIOD)
         # Whole steps of the grid, so that nodes a round apart decode to the same.
-        step, along = PERIOD / GRID_SHAPES[codes.shape[-1]][0], np.ptp(codes[..., 0])
+        step, along = PERIOD / ROUND_SHAPES[codes.shape[-1]][0], np.ptp(codes[..., 0])
         border[0] = 0.5 * (math.ceil(along / step) * step - along)
     flat = codes.reshape(-1, codes.shape[-1])
     model = LearnedModel(

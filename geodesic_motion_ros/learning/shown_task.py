@@ -67,8 +67,8 @@ class ShownTask(ABC):
         return tuple(map(np.concatenate, zip(sheet.curves, sheet.mean_curves(weights), strict=True)))
 
     def coded_curves(self) -> tuple[Curves, DemonstratedEnds | None]:
-        """Make the curves whose codes a skill keeps, and the sheet that holds them, None on the raw one; of rounds it is
-        unrolled.
+        """Make the curves whose codes a skill keeps, and the sheet that holds them, unrolled where they are rounds;
+        None on the raw one.
         """
         if self._form is None:
             return self._raw_code_curves(), None

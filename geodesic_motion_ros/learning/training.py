@@ -152,7 +152,8 @@ def _ascend(
         warm = min(1.0, step / max(1.0, settings.kl_warm_up * steps))
         return (warm * settings.kl_weight * divergence - density).mean()
 
-    descend(loss, vae.parameters(), steps, settings.learning_rate, stage, progress, gently=settings.progress_numbers > 0)
+    gently = settings.progress_numbers > 0
+    descend(loss, vae.parameters(), steps, settings.learning_rate, stage, progress, gently=gently)
 
 
 def _fit_jointly(vae: AutoEncoder, samples: Samples, likelihood: Likelihood, progress: Progress | None) -> None:

@@ -40,7 +40,7 @@ class TaskSpaceEncoder(Perceptron):
         return _encoded(self, np.concatenate([scaled, quaternions], axis=-1))
 
     def expected_shapes(self) -> dict[str, tuple[int, ...]]:
-        inputs = min(max(self.W1.shape[-1], 7), 9)
+        inputs = min(max((0, *self.W1.shape)[-1], 7), 9)
         return super().expected_shapes() | {"W1": (self.b1.size, inputs), "position_offset": (3,), "position_scale": ()}
 
 
@@ -64,7 +64,7 @@ class JointSpaceEncoder(Perceptron):
         return _encoded(self, (configurations - self.joint_offset) / self.joint_scale)
 
     def expected_shapes(self) -> dict[str, tuple[int, ...]]:
-        inputs = self.W1.shape[-1]
+        inputs = (0, *self.W1.shape)[-1]
         joints = min(max(self.joint_offset.size, inputs - 2), inputs)
         return super().expected_shapes() | {"joint_offset": (joints,), "joint_scale": ()}
 

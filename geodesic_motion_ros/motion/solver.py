@@ -183,7 +183,7 @@ class Solver:
         return Plan(None, state.time, refusal, first)
 
     def _stands_at_goal(self, query: ArmQuery, state: MotionState) -> bool:
-        """Whether the arm stands in the goal configuration; with a skill of tool poses, its tool in the goal pose; with a
+        """Whether the arm stands in the goal configuration; with a skill of tool poses, its tool in the goal pose; of a
         closed skill, at the end of the round.
         """
         moves = np.any(state.velocity) or np.any(state.acceleration)

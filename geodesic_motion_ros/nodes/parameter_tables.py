@@ -257,6 +257,22 @@ PLANNER = (
         read_only=False,
     ),
     Parameter(
+        "periodic",
+        False,
+        "A closed skill goes on round after round; false again, it ends with the present round, at the goal",
+        read_only=False,
+    ),
+    Parameter(
+        "rounds",
+        0,
+        "After so many rounds a periodic motion ends at the goal; 0: it goes on until periodic is false, the arm is "
+        "held or disarmed",
+        "",
+        0,
+        1_000_000,
+        read_only=False,
+    ),
+    Parameter(
         "latency",
         0.03,
         "A new trajectory takes over so long after its planning began",

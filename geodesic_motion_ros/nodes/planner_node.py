@@ -18,6 +18,7 @@ from geodesic_motion_ros.contract.status import Verdict
 from geodesic_motion_ros.geometry.quaternions import continuous_signs
 from geodesic_motion_ros.geometry.task_frame import TaskFrame
 from geodesic_motion_ros.kernels.loading import load_kernels
+from geodesic_motion_ros.motion.worker import Worker
 from geodesic_motion_ros.nodes.cycle import CycleInputs, CycleOutput, PoseArrays
 from geodesic_motion_ros.nodes.parameter_tables import PLANNER
 from geodesic_motion_ros.nodes.parameters import NodeParameters, Value
@@ -33,7 +34,6 @@ from geodesic_motion_ros.nodes.planner_parameters import (
 from geodesic_motion_ros.nodes.running import LoopingNode, run_node
 from geodesic_motion_ros.nodes.scene_parameter import declared_scene
 from geodesic_motion_ros.nodes.usage import PROGRAMS
-from geodesic_motion_ros.planning.worker import Worker
 from geodesic_motion_ros.planning.planner import ReactivePlanner
 from geodesic_motion_ros.robot.body_points import end_effector_poses
 from geodesic_motion_ros.skill.skill import Skill
@@ -119,6 +119,7 @@ class PlannerNode(LoopingNode):
             "obstacle_position_error": settings.obstacle_position_error,
             "obstacle_velocity_error": float(np.max(errors, initial=0.0)),
             "speed_override": 0.0 if self.cycle.paused else settings.speed_override,
+            "round": self.planner.round,
             "takeover_delay": self.planner.latency - settings.latency,
             "withheld_trajectories": self.cycle.withheld,
             "trajectories_not_taken": self.cycle.not_taken,

@@ -19,7 +19,7 @@ _SETTINGS = (
     "avoidance", "avoid", "obstacle_margin", "obstacle_position_error", "ambient_strength", "ambient_width_ratio",
     "ambient_law", "cost_cap", "ridge_strength", "query_conditioning", "prediction", "maximum_offset",
     "maximum_offset_angle", "maximum_joint_offset", "speed_scale", "acceleration_scale", "latency", "body_radius",
-    "refine", "timing", "detour", "unseen", "patience", "approach_covered_goal",
+    "refine", "timing", "periodic", "rounds", "detour", "unseen", "patience", "approach_covered_goal",
 )  # fmt: skip
 #: The arm rests where `speed_override` leaves less than this share of the joints' velocity limits: motions of minutes
 #: take too long to be planned in a tick.

@@ -99,8 +99,8 @@ class Arbiter:
         return Turn(self.arm, self.situation, self.mission.active.goal, memory.origin(query), query, memory)
 
     def _joined(self, query: ArmQuery, coming: ArmQuery) -> Decision | None:
-        """The next round joined to the present one in motion; None where that is not free, or no path is found: then the
-        arm comes to rest at the end of the round.
+        """The next round joined to the present one in motion; None where that is not free, or there is no path yet:
+        without one the arm comes to rest at the end of the round.
         """
         situation, attempts = self.situation, self.arm.solver.attempts[:1]
         if situation.free_path(query) is None:

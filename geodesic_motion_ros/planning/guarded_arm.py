@@ -117,6 +117,9 @@ class GuardedArm:
         still = np.zeros_like(start)
         state = MotionState(obstacles.time, start, still, still, query.start_latent)
         plan = self.solver.solve(query, state, obstacles, self.solver.cautious_attempts)
+        if query.rounds is not None and plan.verdict.ok:
+            rounds = query.rounds_left(query.start_latent)
+            plan = replace(plan, verdict=plan.verdict.with_remark(f"{rounds:.2f} of a round"))
         if plan.verdict.code is not VerdictCode.NO_FEASIBLE_PATH or reach == 0.0:
             return plan
         detour = self.find_detour(query, obstacles, reach)

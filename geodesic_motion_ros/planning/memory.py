@@ -12,8 +12,8 @@ from geodesic_motion_ros.motion.detour import Detour, DetourRequest
 from geodesic_motion_ros.motion.plan import Plan
 from geodesic_motion_ros.motion.retry import PastSearch, Question, Workings
 from geodesic_motion_ros.motion.solver import Solver
+from geodesic_motion_ros.motion.worker import Job
 from geodesic_motion_ros.obstacles.obstacles import Obstacles
-from geodesic_motion_ros.planning.worker import Job
 from geodesic_motion_ros.planning.situation import Situation
 from geodesic_motion_ros.queries.query import ArmQuery
 

@@ -13,8 +13,8 @@ from geodesic_motion_ros.geometry.pose import Pose
 from geodesic_motion_ros.geometry.task_frame import TaskFrame
 from geodesic_motion_ros.motion.played import Step
 from geodesic_motion_ros.motion.tracking import Tracking
+from geodesic_motion_ros.motion.worker import Job
 from geodesic_motion_ros.obstacles.obstacles import Obstacles
-from geodesic_motion_ros.planning.worker import Job
 from geodesic_motion_ros.queries.query import ArmGoal, ArmQuery
 
 
@@ -107,10 +107,9 @@ class Mission:
         coming = None if self.next_round is None else self.next_round.query(now)
         if coming is not None and query is coming:
             return replace(self, query=query, round=self.round + 1, next_round=None)
-        sets_out = step.plan.trajectory is not None and step.followed is not None
-        if self.round == 0 and sets_out and step.followed.purpose is Purpose.GOAL:
-            return replace(self, query=query, round=1)
-        return replace(self, query=query)
+        followed = None if step.plan.trajectory is None else step.followed
+        sets_out = followed is not None and followed.purpose is Purpose.GOAL
+        return replace(self, query=query, round=1 if self.round == 0 and sets_out else self.round)
 
 
 @dataclass(frozen=True, eq=False)

@@ -31,9 +31,9 @@ from geodesic_motion_ros.motion.plan import Plan
 from geodesic_motion_ros.motion.solver import Solver
 from geodesic_motion_ros.motion.stream import Stream
 from geodesic_motion_ros.motion.tracking import Tracking
+from geodesic_motion_ros.motion.worker import Worker
 from geodesic_motion_ros.obstacles.obstacles import Obstacles
 from geodesic_motion_ros.planning.arbiter import Arbiter, Decision
-from geodesic_motion_ros.planning.worker import Worker
 from geodesic_motion_ros.planning.guarded_arm import GuardedArm, PreparedArm
 from geodesic_motion_ros.planning.memory import AttemptMemory, DetourSearch
 from geodesic_motion_ros.planning.mission import GoalRequest, Inputs, Mission, NextRound, PreparedGoal
@@ -586,7 +586,17 @@ class ReactivePlanner:
         self._mission, self._memory = mission.after(decision.query, decision.step, situation.now), memory
         if not situation.exceeds_limits:
             self._earlier_limits = None
-        return replace(self._stream.commit(decision.step, situation.now), mode=situation.mode(decision.step))
+        plan = self._stream.commit(decision.step, situation.now)
+        if plan.verdict.ok and self.round > 0:
+            plan = replace(plan, verdict=plan.verdict.with_remark(self._stated_round()))
+        return replace(plan, mode=situation.mode(decision.step))
+
+    def _stated_round(self) -> str:
+        """In which round a closed skill is, for a person."""
+        settings = self.settings
+        if not settings.periodic:
+            return f"round {self.round}"
+        return f"round {self.round} of {settings.rounds or 'those until it is stopped'}"
 
     def plan(
         self,

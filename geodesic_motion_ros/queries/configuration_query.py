@@ -16,6 +16,7 @@ from geodesic_motion_ros.certification.declared_scene import DeclaredScene
 from geodesic_motion_ros.contract.settings import (
     NEAREST_POSES,
     SAME_GOAL,
+    SAME_ROUND,
     SAME_START,
     SAME_TASK_JOINTS,
     PlannerSettings,
@@ -236,6 +237,10 @@ class ConfigurationQueryBuilder(QueryBuilder[np.ndarray]):
 
     def _difference(self, start: np.ndarray, end: np.ndarray) -> np.ndarray:
         return end - start
+
+    def _is_same_each_round(self, query: ArmQuery) -> bool:
+        here, there = query.ends
+        return bool(np.linalg.norm(there.offset - here.offset) < SAME_ROUND)
 
     def _shown(self, values: Sequence[np.ndarray]) -> np.ndarray:
         return values[0]

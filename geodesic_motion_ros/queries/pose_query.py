@@ -314,6 +314,10 @@ class PoseQueryBuilder(QueryBuilder[Pose]):
         turn = rotation_vector_between(start.quaternion, end.quaternion)
         return np.concatenate([end.position - start.position, turn])
 
+    def _is_same_each_round(self, query: ArmQuery) -> bool:
+        """Never: the posture follows from where the arm is, and need not come round."""
+        return False
+
     def _shown(self, values: Sequence[np.ndarray]) -> Pose:
         return Pose(*values)
 

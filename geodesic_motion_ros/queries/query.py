@@ -324,7 +324,8 @@ class QueryBuilder(ABC, Generic[Output]):
     def build(self, start: np.ndarray, goal: Goal[Output], again: bool = False) -> ArmQuery | Refusal:
         """Build the query from a configuration (eta,) to a goal; or say why there is none.
 
-        again : the arm has set out to the goal before: of a closed skill it goes there by the shorter part of the round.
+        again : the arm has set out to the goal before: with a closed skill it goes there by the shorter part of the
+            round.
         """
         found = self.transport(self._output(start, goal.frame), goal.outputs, again)
         return found if isinstance(found, Refusal) else self._held(found, goal.frame, start)
@@ -348,6 +349,9 @@ class QueryBuilder(ABC, Generic[Output]):
 
         None where the latent point is not connected to any node: then the query has to be built anew.
         """
+        if rounds and self._is_same_each_round(query):
+            # Another one all the same, for what was found with it is of another round.
+            return replace(query, displaced=0.0)
         found = self._redirect(query, self._output(start, goal.frame), latent, goal.outputs, rounds)
         return found if found is None or isinstance(found, Refusal) else self._held(found, goal.frame, start)
 
@@ -523,7 +527,8 @@ class QueryBuilder(ABC, Generic[Output]):
             return best
         node = self._nearest_node(requested, piece, ENDPOINT_MULTIPLE * self._skill.sigma_support)
         if node is not None and self._rounds is not None:
-            node = self._graph.node_near(self._rounds.in_last(self._graph.latent[node]), self._graph.component == piece, 2)
+            last = self._rounds.in_last(self._graph.latent[node])
+            node = self._graph.node_near(last, self._graph.component == piece, 2)
         if node is None:
             return best
         decoded = self._decoded(self._graph.latent[node])
@@ -532,8 +537,7 @@ class QueryBuilder(ABC, Generic[Output]):
         return nearest if best is None else min(nearest, best, key=lambda end: end.misfit)
 
     def _on_round(self, poles: list[Pole[Output]], requested: Output) -> End[Output]:
-        """Where rounds pass nearest to an output, between two poles: a whole step along the round would be carried on all
-        around it.
+        """Where rounds pass nearest to an output, between two poles: a step along it would be carried on all around.
         """
         pole = min(poles, key=lambda pole: self._apart(pole.mean, requested))
         others = [other for other in poles if 0.0 < abs(other.latent[0] - pole.latent[0]) < self._graph.grid.step * 2.0]
@@ -638,6 +642,10 @@ class QueryBuilder(ABC, Generic[Output]):
     @abstractmethod
     def _difference(self, start: Output, end: Output) -> np.ndarray:
         """The offset (k,) that carries one output to another."""
+
+    @abstractmethod
+    def _is_same_each_round(self, query: ArmQuery) -> bool:
+        """Whether a query of a closed skill is, but for where it begins, that of the next round as well."""
 
     @abstractmethod
     def _shown(self, values: Sequence[np.ndarray]) -> Output:

@@ -49,6 +49,8 @@ from geodesic_motion_ros.utils.shared_files import find_shared
 
 #: The graphs that energy_per_edge is calibrated on, and the default ones, by the latent dimension.
 GRID_SHAPES = {2: (100, 100), 3: (50, 50, 50)}
+#: The same of a closed skill, along one round: of three rounds the graph is not much larger.
+ROUND_SHAPES = {2: (100, 100), 3: (34, 25, 25)}
 #: Directions per node of the default graphs.
 NEIGHBOURS = {2: 16, 3: 26}
 #: The support ends where rms sigma exceeds this multiple of its 99th percentile on the demonstrations.
@@ -123,10 +125,11 @@ class LearnedModel:
 
     @property
     def grid_shape(self) -> tuple[int, ...]:
-        """That of the default graph: of GRID_SHAPES, of rounds along each of them."""
-        shape = GRID_SHAPES[len(self.latent_lower)]
+        """That of the default graph: of GRID_SHAPES, or ROUND_SHAPES."""
+        dimension = len(self.latent_lower)
         if self.period is None:
-            return shape
+            return GRID_SHAPES[dimension]
+        shape = ROUND_SHAPES[dimension]
         along = shape[0] * (self.latent_upper[0] - self.latent_lower[0]) / self.period
         return (1 + round(along), *shape[1:])
 

@@ -1,4 +1,4 @@
-"""Motions that end where they began are refused before they are learned, and no others."""
+"""Motions that end where they began are found, cut into rounds and closed, and no others."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import pytest
 
 from geodesic_motion_ros.demonstrations.readers import read_joint_takes, read_pose_takes
 from geodesic_motion_ros.demonstrations.recordings import Recording
-from geodesic_motion_ros.demonstrations.returns import find_returns
+from geodesic_motion_ros.demonstrations.rounds import LARGEST_GAP, close_rounds, find_returns, find_rounds
 from geodesic_motion_ros.demonstrations.takes import POSE, Action, Take
 from geodesic_motion_ros.utils.errors import DemonstrationError
 
@@ -47,11 +47,69 @@ def test_a_full_turn_of_the_tool_on_the_spot_returns() -> None:
         assert actions(Take("turn", SHARE, values, POSE)) == found
 
 
-def test_the_recording_is_refused_where_half_of_the_motions_return() -> None:
+def test_a_recording_of_rounds_is_read_as_one_and_refused_where_it_is_not_to_be() -> None:
     laps = [circle(1.0, str(number)) for number in range(3)]
+    recording = Recording.of_files(laps)
+    assert recording.rounds is not None
+    assert [len(item) for item in recording.demonstrations(strict=True)] == [len(lap) for lap in laps]
     with pytest.raises(DemonstrationError, match=r"returns to its start \(3 of 3 do\), .* 0\.000 m from .* 0\.63 m"):
-        Recording.of_files(laps).demonstrations()
-    assert actions(circle(1.0), *(circle(0.5, str(number)) for number in range(3))) == []
+        Recording.of_files(laps, closed=False).demonstrations()
+    arcs = [circle(0.5, str(number)) for number in range(3)]
+    assert Recording.of_files([circle(1.0), *arcs]).rounds is None
+    with pytest.raises(DemonstrationError, match=r"no demonstration is a round: ends 0\.200 m from its start"):
+        Recording.of_files(arcs, closed=True)
+
+
+def test_rounds_one_after_the_other_are_cut_at_one_place_of_all_recordings() -> None:
+    """One motion begins a quarter of a round later than the other, another drifts; what is no round is left out."""
+    quarter = circle(5.0, "late").values.copy()
+    quarter[:, :3] = quarter[:, :3] @ np.array([[0.0, 1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 0.0, 1.0]]) + [0.5, -0.5, 0.0]
+    late = Take("late", 4.0 * SHARE, quarter, POSE)
+    found = find_rounds([circle(5.0, "first"), late, circle(4.0, "drifts", drift=0.1), circle(0.4, "arc")])
+    assert found is not None
+    assert {flaw.demonstration: flaw.action for flaw in found.flaws} == {
+        "first": Action.READ, "late": Action.READ, "drifts": Action.READ, "arc": Action.LEFT_OUT,
+    }  # fmt: skip
+    names = "first", "late", "drifts"
+    by_take = {name: [item for item in found.motions if item.name.startswith(name)] for name in names}
+    assert all(len(rounds) >= 3 for rounds in by_take.values())
+    for rounds in by_take.values():
+        for one in rounds:
+            places = one.values[:, :3] - one.values[:, :3].mean(axis=0)
+            extent = np.linalg.norm(places - places[0], axis=1).max()
+            assert np.linalg.norm(places[-1] - places[0]) < LARGEST_GAP * extent
+    begins = [rounds[1].values[0, :3] - rounds[1].values[:, :3].mean(axis=0) for rounds in by_take.values()]
+    # within the samples of the grid and of the motion: a circle of 0.1 m in 40 samples
+    for begin in begins[1:]:
+        assert np.linalg.norm(begin - begins[0]) < 2.5 * 0.1 * 2.0 * np.pi / 40.0
+
+
+def test_rounds_are_closed_by_what_lies_between_their_ends() -> None:
+    values = circle(1.0).values.copy()
+    values[:, :3] += 0.03 * SHARE[:, None]
+    half = 0.05 * SHARE
+    values[:, 3:] = np.stack([np.sin(half), np.cos(half), 0.0 * half, 0.0 * half], axis=1)
+    given = Recording.of_files([Take("gap", 4.0 * SHARE, values, POSE)], closed=True).demonstrations()
+    (closed,) = close_rounds(given, 0.1)
+    np.testing.assert_allclose(closed.positions[0], closed.positions[-1], atol=1e-12)
+    np.testing.assert_allclose(closed.quaternions[0], closed.quaternions[-1], atol=1e-12)
+    # no sample moves by more than half of the gap
+    moved = np.linalg.norm(closed.positions - given[0].positions, axis=1)
+    assert moved.max() <= 0.5 * np.sqrt(3.0) * 0.03 + 1e-12
+    again = close_rounds(close_rounds(given, 0.1), 0.1)[0]
+    np.testing.assert_allclose(again.positions, closed.positions, atol=1e-12)
+
+
+def test_what_is_no_round_and_a_whole_turn_of_the_tool_are_refused_by_name() -> None:
+    arc = Recording.of_files([circle(0.5, "arc")]).demonstrations()
+    with pytest.raises(DemonstrationError, match="'arc' is no round: it ends 100% of its extent"):
+        close_rounds(arc, 0.1)
+    half = np.pi * SHARE
+    values = circle(1.0).values.copy()
+    values[:, 3:] = np.stack([np.cos(half), 0.0 * half, 0.0 * half, np.sin(half)], axis=1)
+    screw = Recording.of_files([Take("screw", 4.0 * SHARE, values, POSE)], closed=True).demonstrations()
+    with pytest.raises(DemonstrationError, match="'screw' turns the tool by a whole turn"):
+        close_rounds(screw, 0.1)
 
 
 def test_real_recordings_lead_elsewhere_but_for_shaking(recordings) -> None:
@@ -63,5 +121,9 @@ def test_real_recordings_lead_elsewhere_but_for_shaking(recordings) -> None:
         *(read_joint_takes(recordings / "joints" / f"{name}.csv", robot) for name, robot in arms),
     ):
         assert find_returns(takes) == []
+        assert find_rounds(takes) is None
     shaken = read_joint_takes(recordings / "joints" / "iiwa14_shake.csv", "iiwa14")
     assert find_returns(shaken) != []
+    found = find_rounds(shaken)
+    assert found is not None
+    assert len({motion.name.split("_")[0] for motion in found.motions}) == 3

@@ -50,7 +50,7 @@ def test_units_are_scaled_away(arrays):
         ("b2", None, "lack b2"),
         ("b1", np.array([0.0, 0.0, np.inf, 0.0, 0.0, 0.0]), "encoder weight b1 holds NaN or infinite"),
         ("b1", np.zeros((2, 3)), "b1 has shape"),
-        ("W1", np.zeros((6, 9)), "W1 has shape"),
+        ("W1", np.zeros((6, 10)), "W1 has shape"),
         ("W1", np.array(1.0), "W1 has shape"),
         ("W2", np.zeros((5, 7)), "W2 has shape"),
         ("W3", np.full((2, 5), np.nan), "W3 holds NaN"),

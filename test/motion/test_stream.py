@@ -29,8 +29,8 @@ from geodesic_motion_ros.utils.deadline import NEVER, Deadline
 ROBOT, SETTINGS = Robot.named("panda"), PlannerSettings()
 LIMITS, MODEL = JointLimits.of(ROBOT), CollisionModel.named("panda")
 CERTIFIER = ArmCertifier(ROBOT, MODEL)
-#: Of a query a situation asks only whether it is the same.
-QUERY = SimpleNamespace()
+#: Of a query a situation asks only whether it is the same, and a stream whether it is of rounds.
+QUERY = SimpleNamespace(rounds=None)
 #: To the side, by the first joint.
 TURN = np.array([1.2, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0])
 OK, NO_PATH = Verdict(), Refusal(VerdictCode.NO_FEASIBLE_PATH, "no path")

@@ -16,9 +16,9 @@ from geodesic_motion_ros.contract.status import Refusal, Verdict, VerdictCode
 from geodesic_motion_ros.motion.detour import Detour
 from geodesic_motion_ros.motion.plan import MotionState, Plan
 from geodesic_motion_ros.motion.stream import Stream
+from geodesic_motion_ros.motion.worker import Job
 from geodesic_motion_ros.obstacles.obstacles import Obstacles
 from geodesic_motion_ros.planning.arbiter import Arbiter, Decision
-from geodesic_motion_ros.planning.worker import Job
 from geodesic_motion_ros.planning.guarded_arm import GuardedArm
 from geodesic_motion_ros.planning.memory import AttemptMemory, DetourRequest, DetourSearch
 from geodesic_motion_ros.planning.mission import Mission
@@ -38,7 +38,7 @@ TICK, REACH, TURN = 0.01, 0.25, 0.6
 
 
 def query_at(position: np.ndarray) -> SimpleNamespace:
-    return SimpleNamespace(start=position)
+    return SimpleNamespace(start=position, rounds=None, start_latent=np.zeros(2))
 
 
 @dataclass
@@ -76,8 +76,13 @@ class Postures:
     others: list[SimpleNamespace] = field(default_factory=list)
     refusal: Refusal | None = None
 
-    def build(self, position: np.ndarray, goal: object) -> SimpleNamespace | Refusal:
+    def build(self, position: np.ndarray, goal: object, again: bool = False) -> SimpleNamespace | Refusal:
         return self.refusal or query_at(position)
+
+    def build_beside(
+        self, query: SimpleNamespace, position: np.ndarray, latent: np.ndarray, goal: object
+    ) -> SimpleNamespace | Refusal:
+        return self.build(position, goal)
 
     def redirect(self, *_: object) -> None:
         return None

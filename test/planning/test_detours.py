@@ -16,8 +16,8 @@ from geodesic_motion_ros.detours.detour_frame import DetourFrame
 from geodesic_motion_ros.motion.detour import DetourPlanner
 from geodesic_motion_ros.motion.plan import Plan
 from geodesic_motion_ros.motion.solver import Solver
+from geodesic_motion_ros.motion.worker import Worker
 from geodesic_motion_ros.obstacles.obstacles import Obstacles
-from geodesic_motion_ros.planning.worker import Worker
 from geodesic_motion_ros.planning.mission import PreparedGoal
 from geodesic_motion_ros.planning.planner import ReactivePlanner
 from geodesic_motion_ros.queries.posture import null_vectors
