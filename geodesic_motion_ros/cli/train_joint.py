@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from geodesic_motion_ros.robot.kinematics import Robot
     from geodesic_motion_ros.skill.skill import Skill
 
-_SETTINGS = ("latent_dimension", "volume_weight", "body_sigma")
+_SETTINGS = ("latent_dimension", "joint_density", "volume_weight", "body_sigma")
 #: What only recordings of joints have.
 OPTIONS = (*RECORDING_OPTIONS["joint"], *_SETTINGS, "joint_weight")
 
@@ -25,6 +25,10 @@ OPTIONS = (*RECORDING_OPTIONS["joint"], *_SETTINGS, "joint_weight")
 def add_options(group: argparse._ArgumentGroup) -> None:
     """Settings of the training that task space does not have."""
     group.add_argument("--latent-dimension", type=int, choices=(2, 3), help="of the latent space; 3 without it")
+    group.add_argument(
+        "--joint-density", choices=("gaussian", "wrapped"),
+        help="wrapped: the same for angles that whole turns separate; gaussian without it",
+    )  # fmt: skip
     group.add_argument(
         "--volume-weight", type=float,
         help="of the change of variables from joint angles to the body; 0 without it, the paper: 1",

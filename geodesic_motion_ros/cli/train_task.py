@@ -16,7 +16,10 @@ if TYPE_CHECKING:
     from geodesic_motion_ros.learning.workload import Workload
     from geodesic_motion_ros.skill.skill import Skill
 
-_SETTINGS = ("orientation_model", "position_weight", "orientation_weight", "far_kappa")
+_SETTINGS = (
+    "orientation_model", "position_density", "orientation_density", "position_weight", "orientation_weight",
+    "far_kappa",
+)  # fmt: skip
 #: What only recordings of poses have.
 OPTIONS = (*RECORDING_OPTIONS["task"], *_SETTINGS, "orientation_scale")
 
@@ -30,6 +33,13 @@ def add_options(group: argparse._ArgumentGroup) -> None:
     group.add_argument(
         "--orientation-scale", choices=("spread", "kappa"),
         help="what of kappa enters the metric: kappa^(-1/2) (default), or kappa as in the paper",
+    )  # fmt: skip
+    group.add_argument(
+        "--position-density", choices=("diagonal", "full"), help="covariance of positions; diagonal without it"
+    )
+    group.add_argument(
+        "--orientation-density", choices=("von_mises_fisher", "angular_central_gaussian"),
+        help="as wide about every axis (default), or a concentration about each of the tool's",
     )  # fmt: skip
     group.add_argument("--position-weight", type=float, help="beta1 of the evidence lower bound")
     group.add_argument("--orientation-weight", type=float, help="beta2 of the evidence lower bound")

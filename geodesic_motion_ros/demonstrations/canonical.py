@@ -163,10 +163,7 @@ class PoseForm(CanonicalForm):
         return np.stack([_times_along(arc, item.times, samples) for arc, item in zip(arcs, items, strict=True)])
 
     def remove_offsets(self, curves: tuple[np.ndarray, ...], fade: float) -> tuple[np.ndarray, ...]:
-        positions, quaternions = curves
-        tau = faded(np.linspace(0.0, 1.0, positions.shape[1]), fade)[:, None]
-        blend = (1.0 - tau) * self.start_offsets[:, None] + tau * self.goal_offsets[:, None]
-        return positions - blend[..., :3], rotate_by(-blend[..., 3:], quaternions)
+        return remove_pose_offsets(*curves, self.start_offsets, self.goal_offsets, fade)
 
     def _count_offsets(self, curves: tuple[np.ndarray, ...]) -> None:
         (self.start, self.goal), lengths = mean_ends(*curves), [item.length for item in self._demonstrations]
@@ -290,6 +287,18 @@ def sample_configurations(
 ) -> tuple[np.ndarray]:
     """Sample configurations (N, samples, eta) [rad] of all demonstrations by `sample_body_arc`, as the only array."""
     return (np.stack([sample_body_arc(item.configurations, robot, metric, samples) for item in demonstrations]),)
+
+
+def remove_pose_offsets(
+    positions: np.ndarray, quaternions: np.ndarray, start: np.ndarray, goal: np.ndarray, fade: float
+) -> tuple[np.ndarray, np.ndarray]:
+    """Take offsets (N, 6) of starts and goals, [m] and rotation vectors [rad], out of curves (N, T, 3), (N, T, 4).
+
+    They are equally spaced along their arcs.
+    """
+    tau = faded(np.linspace(0.0, 1.0, positions.shape[1]), fade)[:, None]
+    blend = (1.0 - tau) * start[:, None] + tau * goal[:, None]
+    return positions - blend[..., :3], rotate_by(-blend[..., 3:], quaternions)
 
 
 def remove_offsets(

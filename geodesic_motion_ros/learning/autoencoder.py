@@ -2,6 +2,8 @@
 
     p(x, q | z) = N(x | mu(z), diag(sigma(z)^2)) p(q | mu_q(z), kappa(z))        p(theta | z) = N(theta | mu(z), ...)
 
+The covariance of x may be full, and the density of q have three concentrations: `densities`.
+
 A point of R^p x S^(o-1) has p coordinates and a unit direction of o numbers: p = 3 and o = 4 for poses, p = eta and
 o = 0, no direction, for configurations, p = 2 and o = 3 for the toy of the paper. mu and mu_q are the outputs of one
 perceptron, 1 / sigma and kappa radial-basis-function networks (Beik-Mohammadi et al., "Reactive motion generation on
@@ -20,11 +22,19 @@ import torch
 from torch import Tensor, nn
 
 from geodesic_motion_ros.learning.densities import (
+    angular_central_gaussian_log_density,
     antipodal_log_density,
+    full_gaussian_log_density,
     gaussian_log_density,
     von_mises_fisher_log_density,
 )
-from geodesic_motion_ros.learning.networks import MultilayerPerceptron, RadialBasisNetwork, as_array, layer_arrays
+from geodesic_motion_ros.learning.networks import (
+    MultilayerPerceptron,
+    RadialBasisNetwork,
+    SymmetricBasisNetwork,
+    as_array,
+    layer_arrays,
+)
 from geodesic_motion_ros.manifold.decoder import TaskSpaceDecoder
 from geodesic_motion_ros.manifold.encoder import PERIOD, PRIOR_REACH
 from geodesic_motion_ros.manifold.joint_decoder import JointSpaceDecoder
@@ -48,13 +58,17 @@ class Means(NamedTuple):
 
 
 class Precisions(NamedTuple):
-    """Reciprocal deviations of coordinates (..., p) [1/m] or [1/rad], concentrations (...) of directions, if any, and
-    reciprocal deviations (...) of progress, if that is decoded.
+    """Reciprocal deviations of coordinates (..., p) [1/m] or [1/rad], concentrations of directions, if any, (...) or,
+    about each axis, (..., 3), and reciprocal deviations (...) of progress, if that is decoded.
+
+    below : (..., p (p - 1) / 2) of a full covariance; the inverse of its root has inverse_sigma for its diagonal, and
+        these elements below it.
     """
 
     inverse_sigma: Tensor
     kappa: Tensor | None
     progress: Tensor | None = None
+    below: Tensor | None = None
 
 
 @dataclass(frozen=True)
@@ -204,12 +218,15 @@ class DecoderNetwork(nn.Module):
         """1 / sigma and kappa from the activations (..., K) of the kernels that both networks share."""
         networks = [network for network in (self.inverse_sigma, self.kappa, self.progress) if network is not None]
         # One product for all: the activations, which are many, are read once.
-        values = activations @ torch.cat([network.weights for network in networks]).T
-        inverse_sigma, *others = (values + torch.cat([network.floor for network in networks])).split(
-            [len(network.floor) for network in networks], dim=-1
-        )
-        kappa = None if self.kappa is None else others.pop(0)[..., 0]
-        return Precisions(inverse_sigma, kappa, others[0][..., 0] if others else None)
+        far = [network.far for network in networks]
+        values = activations @ torch.cat([network.rows for network in networks]).T + torch.cat(far)
+        of_sigma, *others = values.split([len(value) for value in far], dim=-1)
+        kappa = None if self.kappa is None else others.pop(0)
+        if kappa is not None and kappa.shape[-1] == 1:
+            kappa = kappa[..., 0]
+        p = len(self.offset)
+        below = of_sigma[..., p:] if of_sigma.shape[-1] > p else None
+        return Precisions(of_sigma[..., :p], kappa, others[0][..., 0] if others else None, below)
 
     def set_precisions(
         self,
@@ -238,8 +255,13 @@ class DecoderNetwork(nn.Module):
             arrays["period"] = np.array(PERIOD)
         if self.kappa is None:
             return JointSpaceDecoder(**arrays)
-        kappa_weights, kappa_floor = as_array(self.kappa.weights[0]), as_array(self.kappa.floor[0])
-        return TaskSpaceDecoder(**arrays, kappa_weights=kappa_weights, kappa_floor=kappa_floor)
+        if isinstance(self.inverse_sigma, SymmetricBasisNetwork):
+            arrays["sigma_shears"] = as_array(self.inverse_sigma.shears)
+        kappa_weights, kappa_floor = as_array(self.kappa.weights), as_array(self.kappa.floor[0])
+        one = len(kappa_weights) == 1
+        return TaskSpaceDecoder(
+            **arrays, kappa_weights=kappa_weights[0] if one else kappa_weights, kappa_floor=kappa_floor
+        )
 
     @classmethod
     def from_numpy(cls, decoder: TaskSpaceDecoder) -> DecoderNetwork:
@@ -252,9 +274,10 @@ class DecoderNetwork(nn.Module):
             for layer, number in zip(network.perceptron.layers, "123", strict=True):
                 layer.weight.copy_(tensors["W" + number])
                 layer.bias.copy_(tensors["b" + number])
+        of_kappa = torch.atleast_2d(tensors["kappa_weights"])
         network.set_precisions(
-            _basis_network(tensors, tensors["sigma_weights"], tensors["sigma_floor"]),
-            _basis_network(tensors, tensors["kappa_weights"][None], tensors["kappa_floor"][None]),
+            _basis_network(tensors, tensors["sigma_weights"], tensors["sigma_floor"], tensors.get("sigma_shears")),
+            _basis_network(tensors, of_kappa, tensors["kappa_floor"].expand(len(of_kappa))),
             _basis_network(tensors, tensors["progress_weights"][None], tensors["progress_floor"][None])
             if decoder.progress_numbers
             else None,
@@ -294,6 +317,10 @@ class AutoEncoder(nn.Module):
 
     def coordinate_log_density(self, coordinates: Tensor, means: Means, precisions: Precisions) -> Tensor:
         """log p(x | z) (...)."""
+        if precisions.below is not None:
+            return full_gaussian_log_density(
+                coordinates, means.coordinates, precisions.inverse_sigma, precisions.below
+            )
         return gaussian_log_density(coordinates, means.coordinates, precisions.inverse_sigma.expand_as(coordinates))
 
     def progress_log_density(self, fractions: Tensor, means: Means, precisions: Precisions) -> Tensor | float:
@@ -303,10 +330,20 @@ class AutoEncoder(nn.Module):
         shown = PROGRESS_SCALES[self.progress] * progress_numbers(fractions, self.progress)
         return gaussian_log_density(shown, means.progress, precisions.progress[..., None].expand_as(shown))
 
-    def direction_log_density(self, directions: Tensor, means: Means, precisions: Precisions) -> Tensor:
-        """log p(q | z) (...) under the model's density of directions."""
+    def direction_log_density(
+        self, directions: Tensor, means: Means, precisions: Precisions, error: float = 0.0
+    ) -> Tensor:
+        """log p(q | z) (...) under the model's density of directions: angular central Gaussian, where there is a
+        concentration about each axis.
+
+        error : deviation of q about each axis [rad of the direction], over which it is expected.
+        """
+        kappa = precisions.kappa
+        if kappa.ndim == directions.ndim:
+            return angular_central_gaussian_log_density(directions, means.directions, kappa, error)
         density = antipodal_log_density if self.sign_blind else von_mises_fisher_log_density
-        return density(directions, means.directions, precisions.kappa)
+        axes = directions.shape[-1] - 1
+        return density(directions, means.directions, kappa) - 0.5 * axes * error**2 * kappa
 
     def sample(
         self, coordinates: Tensor, directions: Tensor | None = None, fractions: Tensor | None = None
@@ -335,7 +372,12 @@ def _scaling_arrays(network: EncoderNetwork | DecoderNetwork) -> dict[str, np.nd
     return {f"{scaled}_offset": as_array(network.offset), f"{scaled}_scale": as_array(network.scale)}
 
 
-def _basis_network(tensors: dict[str, Tensor], weights: Tensor, floor: Tensor) -> RadialBasisNetwork:
-    network = RadialBasisNetwork(tensors["rbf_centres"], tensors["rbf_rate"], floor, torch.ones_like(floor))
+def _basis_network(
+    tensors: dict[str, Tensor], weights: Tensor, floor: Tensor, shears: Tensor | None = None
+) -> RadialBasisNetwork:
+    kind = RadialBasisNetwork if shears is None else SymmetricBasisNetwork
+    network = kind(tensors["rbf_centres"], tensors["rbf_rate"], floor, torch.ones_like(floor))
     network.weights = weights
+    if shears is not None:
+        network.shears = nn.Parameter(shears)
     return network

@@ -1,4 +1,5 @@
-"""Densities of the task-space model: Gaussian positions, von Mises-Fisher orientations on S^3, or on S^2.
+"""Densities of coordinates, Gaussian, diagonal or full, or wrapped, and of orientations, von Mises-Fisher on S^3, or on
+S^2, or angular central Gaussian on S^3.
 
 Glossary: kappa, concentration (kappa^(-1/2) is about the angular standard deviation on S^3, in radians of the
 quaternion, half the rotation angle); I_v, modified Bessel function of the first kind;
@@ -69,6 +70,73 @@ def gaussian_log_density(points: Tensor, means: Tensor, inverse_sigma: Tensor) -
     standardised = (points - means) * inverse_sigma
     terms = torch.log(inverse_sigma) - 0.5 * standardised**2 - 0.5 * math.log(2.0 * math.pi)
     return terms.sum(-1)
+
+
+def full_gaussian_log_density(points: Tensor, means: Tensor, diagonal: Tensor, below: Tensor) -> Tensor:
+    """log N(x | mu, R^-2) (...), with R the inverse of the covariance's symmetric root.
+
+    Parameters
+    ----------
+    points, means : (..., p).
+    diagonal, below : (..., p), (..., p (p - 1) / 2) elements of R, in the reciprocal unit of the points; 0 below the
+        diagonal it is `gaussian_log_density`.
+    """
+    root = symmetric_matrix(diagonal, below)
+    standardised = (root @ (points - means)[..., None])[..., 0]
+    height = torch.linalg.slogdet(root).logabsdet - 0.5 * points.shape[-1] * math.log(2.0 * math.pi)
+    return height - 0.5 * (standardised**2).sum(-1)
+
+
+def wrapped_log_density(points: Tensor, means: Tensor, inverse_sigma: Tensor) -> Tensor:
+    """log of the wrapped normal density of angles, sum_k N(x + 2 pi k | mu, sigma^2), summed over the last axis.
+
+    Arguments as of `gaussian_log_density`, in [rad]. Angles and means that whole turns separate are the same. Of the
+    sum the terms of the nearest turn and both of its neighbours are counted: the others are below 1e-19 of it for sigma
+    up to 1 rad.
+
+    Equation: Mardia and Jupp, Directional Statistics, section 3.5.7.
+    """
+    turn = 2.0 * math.pi
+    off = torch.remainder(points - means + math.pi, turn) - math.pi
+    copies = torch.stack([off - turn, off, off + turn])
+    terms = torch.logsumexp(-0.5 * (copies * inverse_sigma) ** 2, 0)
+    return (terms + torch.log(inverse_sigma) - 0.5 * math.log(turn)).sum(-1)
+
+
+def angular_central_gaussian_log_density(
+    quaternions: Tensor, directions: Tensor, kappas: Tensor, error: float = 0.0
+) -> Tensor:
+    """log p(q) (...) of the angular central Gaussian density on S^3, the same for q and -q, per unit of surface:
+
+    p(q) = |A|^(-1/2) (q' A^-1 q)^-2 / (2 pi^2),   q' A^-1 q = 1 + sum_i kappa_i c_i^2 / 4,   |A^-1| = prod_i (1 +
+    kappa_i / 4)
+
+    with c the vector part of the turn from the mean to q, in the tool's axes: A has the mean's direction and three
+    about these axes (Tyler, Statistical analysis for the angular central Gaussian distribution on the sphere,
+    Biometrika 1987). At the mode its curvature is that of a von Mises-Fisher density, kappa_i about axis i.
+
+    Parameters
+    ----------
+    quaternions, directions : (..., 4) unit vectors q and mu.
+    kappas : (..., 3) positive concentrations about the tool's axes.
+    error : deviation of q about each axis, in radians of the quaternion, over which the density is expected: c_i^2
+        grows by its square, inside the logarithm, which is a lower bound.
+    """
+    scalar, vector = quaternions[..., :1], quaternions[..., 1:]
+    turned = directions[..., :1] * vector - scalar * directions[..., 1:]
+    turned = turned - torch.linalg.cross(directions[..., 1:], vector)
+    form = 1.0 + 0.25 * (kappas * (turned**2 + error**2)).sum(-1)
+    return 0.5 * torch.log1p(0.25 * kappas).sum(-1) - 2.0 * torch.log(form) - math.log(2.0 * math.pi**2)
+
+
+def symmetric_matrix(diagonal: Tensor, below: Tensor) -> Tensor:
+    """Unpack symmetric matrices (..., p, p) from their diagonals (..., p) and the elements below them, by rows."""
+    size = diagonal.shape[-1]
+    places = torch.zeros(size, size, dtype=torch.long)
+    first, second = torch.tril_indices(size, size, -1)
+    places[first, second] = places[second, first] = size + torch.arange(below.shape[-1])
+    places[range(size), range(size)] = torch.arange(size)
+    return torch.cat([diagonal, below], dim=-1)[..., places]
 
 
 def divergence_from_normal(mean: Tensor, log_variance: Tensor, prior_mean: Tensor, prior_variance: Tensor) -> Tensor:

@@ -10,6 +10,7 @@ from torch import Tensor
 
 from geodesic_motion_ros.learning.autoencoder import AutoEncoder, Means, Precisions
 from geodesic_motion_ros.learning.body_layer import BodyLayer
+from geodesic_motion_ros.learning.densities import wrapped_log_density
 from geodesic_motion_ros.learning.settings import JointTrainingSettings, TrainingSettings
 from geodesic_motion_ros.manifold.configuration_graph import JointMetricSettings
 from geodesic_motion_ros.robot.body_points import BodyPoints, points_along_links
@@ -54,6 +55,7 @@ class PoseLikelihood:
     Attributes
     ----------
     kappa : concentration of quaternions at the data, and far from it.
+    full_covariance, concentrations : whether that of positions is full, and how many concentrations an orientation has.
     sign_blind : whether q and -q are the same observation. Of canonical curves they are not: their signs agree, and a
         density that does not care lets the decoder change its sign within the sheet, where the sheet would fall apart.
     """
@@ -62,6 +64,8 @@ class PoseLikelihood:
         self.settings = settings
         self.sign_blind = settings.sheet == "raw" and settings.orientation_model == "sign_blind"
         self.kappa: tuple[float, float] | None = (settings.fixed_kappa, settings.far_kappa)
+        self.full_covariance = settings.position_density == "full"
+        self.concentrations = 3 if settings.orientation_density == "angular_central_gaussian" else 1
 
     def points(self, coordinates: np.ndarray) -> Tensor | None:
         """Return None: a pose places no body."""
@@ -73,10 +77,9 @@ class PoseLikelihood:
         """
         settings = self.settings
         position = _resolved_log_density(vae, samples, means, precisions, settings.position_resolution)
-        # A rotation by an angle moves its quaternion by half of it; on S^3 there are three independent axes.
-        axes = samples.directions.shape[-1] - 1
-        orientation = vae.direction_log_density(samples.directions, means, precisions)
-        orientation = orientation - 0.5 * axes * (0.5 * settings.angular_resolution) ** 2 * precisions.kappa
+        # A rotation by an angle moves its quaternion by half of it.
+        error = 0.5 * settings.angular_resolution
+        orientation = vae.direction_log_density(samples.directions, means, precisions, error)
         weighted = settings.position_weight * position + settings.orientation_weight * orientation
         return weighted + _resolved_progress(vae, samples, means, precisions)
 
@@ -85,7 +88,14 @@ class PoseLikelihood:
 
 
 class ConfigurationLikelihood:
-    """The likelihood of configurations, and of the points of the body that they place. They have no kappa."""
+    """The likelihood of configurations, and of the points of the body that they place. They have no kappa.
+
+    A wrapped density is the same for joints and means that whole turns separate. Where no residual is near half a turn
+    it is the Gaussian one: of arms whose joints have limits within a turn, and of recordings whose turns were counted
+    (`demonstrations.turns`). The metric knows no turns in either case.
+    """
+
+    full_covariance, concentrations = False, 0
 
     def __init__(self, settings: JointTrainingSettings, robot: Robot) -> None:
         self.settings, self.body = settings, body_layer(robot, settings.metric)
@@ -98,7 +108,8 @@ class ConfigurationLikelihood:
 
     def log_density(self, vae: AutoEncoder, samples: Samples, means: Means, precisions: Precisions) -> Tensor:
         """Compute log p(theta | z) (n,), in expectation over errors of the recording's resolution."""
-        joints = _resolved_log_density(vae, samples, means, precisions, self.settings.joint_resolution)
+        wrapped = self.settings.joint_density == "wrapped"
+        joints = _resolved_log_density(vae, samples, means, precisions, self.settings.joint_resolution, wrapped)
         return joints + _resolved_progress(vae, samples, means, precisions)
 
     def bound_log_density(self, vae: AutoEncoder, samples: Samples, means: Means, precisions: Precisions) -> Tensor:
@@ -135,12 +146,23 @@ def counted_log_volume(body: BodyLayer, means: Tensor, shown: Tensor) -> Tensor:
 
 
 def _resolved_log_density(
-    vae: AutoEncoder, samples: Samples, means: Means, precisions: Precisions, resolution: float
+    vae: AutoEncoder,
+    samples: Samples,
+    means: Means,
+    precisions: Precisions,
+    resolution: float,
+    wrapped: bool = False,
 ) -> Tensor:
     """log p(x | z) (n,), in expectation over errors of the recording's resolution [m] or [rad]."""
     inverse_sigma = precisions.inverse_sigma.expand_as(samples.coordinates)
-    density = vae.coordinate_log_density(samples.coordinates, means, precisions)
-    return density - 0.5 * resolution**2 * (inverse_sigma**2).sum(-1)
+    if wrapped:
+        density = wrapped_log_density(samples.coordinates, means.coordinates, inverse_sigma)
+    else:
+        density = vae.coordinate_log_density(samples.coordinates, means, precisions)
+    squares = (inverse_sigma**2).sum(-1)
+    if precisions.below is not None:
+        squares = squares + 2.0 * (precisions.below**2).sum(-1)
+    return density - 0.5 * resolution**2 * squares
 
 
 def _resolved_progress(vae: AutoEncoder, samples: Samples, means: Means, precisions: Precisions) -> Tensor | float:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from itertools import pairwise
 
@@ -92,7 +93,40 @@ class RadialBasisNetwork(nn.Module):
 
     def combine(self, activations: Tensor) -> Tensor:
         """Values (..., outputs) from kernel activations (..., K)."""
-        return activations @ self.weights.T + self.floor
+        return activations @ self.rows.T + self.far
+
+    @property
+    def rows(self) -> Tensor:
+        """What each kernel adds to the values at its centre, (values, K)."""
+        return self.weights
+
+    @property
+    def far(self) -> Tensor:
+        """Values (values,) far from every centre."""
+        return self.floor
+
+
+class SymmetricBasisNetwork(RadialBasisNetwork):
+    """R(z) = sum_k U_k diag(W_k) U_k' exp(-rate |z - c_k|^2) + diag(floor): positive definite matrices, packed, with
+    unit lower triangular U_k whose other elements are free (`manifold.full_covariance`); they begin at 0, as diagonal.
+    """
+
+    def __init__(self, centres: Tensor, rate: Tensor, floor: Tensor, scale: Tensor) -> None:
+        super().__init__(centres, rate, floor, scale)
+        self.shears = nn.Parameter(torch.zeros(math.comb(len(scale), 2), len(centres), dtype=scale.dtype))
+
+    @property
+    def rows(self) -> Tensor:
+        weights, size = self.weights, len(self.scale)
+        below = torch.tril_indices(size, size, -1).unbind()
+        triangles = torch.eye(size, dtype=weights.dtype).repeat(weights.shape[1], 1, 1)
+        triangles = triangles.index_put((torch.arange(len(triangles))[:, None], *below), self.shears.T)
+        products = (triangles * weights.T[:, None]) @ triangles.mT
+        return torch.cat([products.diagonal(dim1=1, dim2=2), products[:, below[0], below[1]]], dim=1).T
+
+    @property
+    def far(self) -> Tensor:
+        return nn.functional.pad(self.floor, (0, len(self.shears)))
 
 
 def place_centres(codes: np.ndarray, count: int, seed: int) -> np.ndarray:

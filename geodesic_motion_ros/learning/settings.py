@@ -17,6 +17,8 @@ if TYPE_CHECKING:
 
 #: The paper has no term of the joints alone; so little is none, and keeps every tensor positive [m].
 _NO_JOINT_WEIGHT = 1e-6
+#: Of positions and orientations, in the paper.
+_PAPER_DENSITIES = "diagonal", "von_mises_fisher"
 #: Numbers that may be 0; all others are positive.
 _MAY_BE_ZERO = {
     "seed", "progress_share", "blends", "kl_weight", "kl_warm_up", "margin", "metric.sigma_weight",
@@ -121,6 +123,10 @@ class TrainingSettings(CommonSettings):
         one by signs that agree. None: sign_blind on the canonical sheet, two_cluster on the raw one.
     rotation_length : length that a turn of one radian counts in the arc [m]: a tool that turns on the spot is learned
         too. 0 counts positions only.
+    position_density : covariance of positions, "diagonal" or "full" (`manifold.full_covariance`).
+    orientation_density : "von_mises_fisher", as wide about every axis, or "angular_central_gaussian", with a
+        concentration about each of the tool's. The means are learned by the former in any case: the latter is blind to
+        the sign. Both other densities need the schedule "two_stage".
     position_weight, orientation_weight : beta1, beta2 of the bound beta1 log p(x | z) + beta2 log p(q | z) - kl_weight
         KL.
     fixed_kappa : likelihood scale of orientations while the means are learned.
@@ -133,6 +139,8 @@ class TrainingSettings(CommonSettings):
 
     orientation_model: OrientationModel | None = None
     rotation_length: float = 0.1
+    position_density: Literal["diagonal", "full"] = "diagonal"
+    orientation_density: Literal["von_mises_fisher", "angular_central_gaussian"] = "von_mises_fisher"
     position_weight: float = 1.0
     orientation_weight: float = 1.0
     fixed_kappa: float = 1600.0
@@ -157,7 +165,12 @@ class TrainingSettings(CommonSettings):
 
     def __post_init__(self) -> None:
         self._choose_by_sheet(orientation_model=("sign_blind", "two_cluster"))
-        self._check_choices(orientation_model=("two_cluster", "sign_blind"))
+        self._check_choices(
+            orientation_model=("two_cluster", "sign_blind"), position_density=("diagonal", "full"),
+            orientation_density=("von_mises_fisher", "angular_central_gaussian"),
+        )  # fmt: skip
+        if self.schedule == "joint" and (self.position_density, self.orientation_density) != _PAPER_DENSITIES:
+            raise ParameterError(f"schedule joint learns {' and '.join(_PAPER_DENSITIES)} densities alone")
         if self.sheet == "canonical" and self.orientation_model != "sign_blind":
             raise ParameterError(
                 "a canonical sheet has no clusters of q and -q: choose orientation_model sign_blind, or sheet raw"
@@ -187,6 +200,7 @@ class JointTrainingSettings(CommonSettings):
         leaves it out.
     bandwidth_factor : in three dimensions kernels stand along thin strips, closer than the nodes of the grid: as wide
         as that distance the support would fall to pieces.
+    joint_density : "gaussian", or "wrapped", the same for angles that whole turns separate: for joints without limits.
     joint_resolution : what a demonstration cannot be more exact than [rad]; added to the residuals. The paper has none:
         0.
     metric : weights of the skill's metric; they take no part in the training.
@@ -197,6 +211,7 @@ class JointTrainingSettings(CommonSettings):
     fixed_sigma: float = 0.05
     body_sigma: float = 0.003
     bandwidth_factor: float = 2.0
+    joint_density: Literal["gaussian", "wrapped"] = "gaussian"
     joint_resolution: float = 0.002
     metric: JointMetricSettings = field(default_factory=JointMetricSettings)
 
@@ -216,7 +231,7 @@ class JointTrainingSettings(CommonSettings):
 
     def __post_init__(self) -> None:
         self._choose_by_sheet()
-        self._check_choices()
+        self._check_choices(joint_density=("gaussian", "wrapped"))
         if self.latent_dimension not in (2, 3, 4, 5):
             raise ParameterError(f"latent_dimension is {self.latent_dimension}; configurations are learned in 2 to 5")
         check_settings(self, self.hidden, self.metric, _CONFIGURATIONS_MAY_BE_ZERO)

@@ -3,7 +3,8 @@
 Two stages (default). The means first, under fixed likelihood scales: learning precisions at the same time
 lets the model explain a demonstration away as noise. Then the latent space stays as it is, kernels are placed
 on the codes by k-means, and sigma and kappa are fitted by maximum likelihood, a concave problem without local
-optima. The paper's literal joint training is kept as `schedule="joint"`.
+optima; of a full covariance and of three concentrations it is none, which begin as diagonal, and as equal. The paper's
+literal joint training is kept as `schedule="joint"`.
 
 On the canonical sheet (default) endpoint-normalised demonstrations are learned (`demonstrations.canonical`), and
 the prior tells how far along them a sample is (`progress_prior`). The raw sheet, the paper's, is learned from the
@@ -26,7 +27,12 @@ from geodesic_motion_ros.learning.autoencoder import PROGRESS_SIGMA, AutoEncoder
 from geodesic_motion_ros.learning.calibration import assemble_skill
 from geodesic_motion_ros.learning.densities import divergence_from_normal
 from geodesic_motion_ros.learning.likelihoods import Likelihood, Samples
-from geodesic_motion_ros.learning.networks import RadialBasisNetwork, kernel_rate, place_centres
+from geodesic_motion_ros.learning.networks import (
+    RadialBasisNetwork,
+    SymmetricBasisNetwork,
+    kernel_rate,
+    place_centres,
+)
 from geodesic_motion_ros.learning.optimisation import Progress, descend, drawn_rows, minimise, one_seeded_thread
 from geodesic_motion_ros.learning.progress_prior import prior_means, prior_variance
 from geodesic_motion_ros.learning.settings import CommonSettings
@@ -179,15 +185,16 @@ def _basis_networks(vae: AutoEncoder, samples: Samples, likelihood: Likelihood) 
     centres = place_centres(codes, settings.kernels, settings.seed)
     centre = torch.tensor(centres, **like)
     rate = torch.tensor(kernel_rate(centres, codes, settings.bandwidth_factor), **like)
+    of_sigma = SymmetricBasisNetwork if likelihood.full_covariance else RadialBasisNetwork
     # Of each network its outputs, and their values at the data and far from it.
-    wanted = [(samples.coordinates.shape[1], 1.0 / settings.fixed_sigma, 1.0 / settings.far_sigma)]
+    wanted = [(of_sigma, samples.coordinates.shape[1], 1.0 / settings.fixed_sigma, 1.0 / settings.far_sigma)]
     if likelihood.kappa is not None:
-        wanted.append((1, *likelihood.kappa))
+        wanted.append((RadialBasisNetwork, likelihood.concentrations, *likelihood.kappa))
     if settings.progress_numbers:
-        wanted.append((1, 1.0 / PROGRESS_SIGMA, 1.0))
+        wanted.append((RadialBasisNetwork, 1, 1.0 / PROGRESS_SIGMA, 1.0))
     return [
-        RadialBasisNetwork(centre, rate, torch.full((outputs,), far, **like), torch.full((outputs,), at_data, **like))
-        for outputs, at_data, far in wanted
+        network(centre, rate, torch.full((outputs,), far, **like), torch.full((outputs,), at_data, **like))
+        for network, outputs, at_data, far in wanted
     ]
 
 
@@ -213,5 +220,5 @@ def _fit_precisions(vae: AutoEncoder, samples: Samples, likelihood: Likelihood, 
         return -likelihood.log_density(vae, drawn, means, decoder.combined_precisions(activations)).mean()
 
     stage = "sigma" if likelihood.kappa is None else "sigma and kappa"
-    weights = [network.raw_weights for network in networks]
-    minimise(negative_log_likelihood, weights, settings.precision_iterations, stage, progress)
+    parameters = [parameter for network in networks for parameter in network.parameters()]
+    minimise(negative_log_likelihood, parameters, settings.precision_iterations, stage, progress)

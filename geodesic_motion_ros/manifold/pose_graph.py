@@ -28,6 +28,8 @@ class MetricSettings:
     M = J_x^T A J_x + sigma_weight^2 J_sigma^T A J_sigma + J_q^T J_q + J_k^T J_k
         + progress_length^2 (J_s^T J_s + sigma_weight^2 J_sigma_s^T J_sigma_s)
 
+    Of a full covariance sigma stands for its symmetric root (`Decoded.root`).
+
     Attributes
     ----------
     sigma_weight : weight of the position's standard deviation (the paper: 1; measured better: 10).
@@ -41,9 +43,10 @@ class MetricSettings:
     orientation_scale: Literal["spread", "kappa"] = "spread"
     progress_length: float = 0.0
 
-    def orientation_feature(self, decoded: Decoded) -> np.ndarray:
-        """k of the metric, (n,)."""
-        return decoded.spread if self.orientation_scale == "spread" else decoded.kappa
+    def orientation_features(self, decoded: Decoded) -> np.ndarray:
+        """k of the metric, (n, 1); of three concentrations (n, 3), each over sqrt 3: three equal ones count as one."""
+        scaled = decoded.kappas**-0.5 if self.orientation_scale == "spread" else decoded.kappas
+        return scaled / math.sqrt(scaled.shape[1])
 
 
 @dataclass(frozen=True)
@@ -109,9 +112,9 @@ class PoseGraph(LatentGraph):
                 np.concatenate(
                     [
                         tool_points(decoded.positions, decoded.quaternions, points).reshape(len(self.latent), -1),
-                        self.metric.sigma_weight * decoded.sigma,
+                        self.metric.sigma_weight * decoded.root,
                         quaternions,
-                        self.metric.orientation_feature(decoded)[:, None],
+                        self.metric.orientation_features(decoded),
                         self._progress_features(self.latent + side * NUDGE * axis),
                     ],
                     axis=1,
@@ -122,11 +125,12 @@ class PoseGraph(LatentGraph):
             ]
             columns.append((parts[0] - parts[1]) / (2.0 * NUDGE))
         slopes, moved = np.stack(columns, axis=2), 3 * len(points)
-        spread = pulled_back(slopes[:, moved : moved + 3])
+        fixed = moved + self.decoded.root.shape[1]
+        spread = pulled_back(slopes[:, moved:fixed])
         shares = [
             (pulled_back(slopes[:, 3 * k : 3 * k + 3]) + spread) / len(points) for k in range(len(points))
         ]
-        return packed_tensors(np.stack(shares, axis=1), pulled_back(slopes[:, moved + 3 :]))
+        return packed_tensors(np.stack(shares, axis=1), pulled_back(slopes[:, fixed:]))
 
     def _progress_features(self, latent: np.ndarray) -> np.ndarray:
         return self.decoder.progress_features(latent, self.metric.progress_length, self.metric.sigma_weight)
@@ -222,10 +226,10 @@ def build_pose_graph(
     if one_sheet:
         usable &= np.all(np.sum(quaternion_chain[:, 1:] * quaternion_chain[:, :-1], axis=-1) > 0.0, axis=1)
 
-    sigma_chain = _chain(decoded.sigma, edges, inner_rows(inner.sigma))
-    spread_chain = _chain(metric.orientation_feature(decoded), edges, inner_rows(metric.orientation_feature(inner)))
+    sigma_chain = _chain(decoded.root, edges, inner_rows(inner.root))
+    spread_chain = _chain(metric.orientation_features(decoded), edges, inner_rows(metric.orientation_features(inner)))
     sigma_energy = metric.sigma_weight**2 * pieces * np.sum(np.diff(sigma_chain, axis=1) ** 2, axis=(1, 2))
-    spread_energy = pieces * np.sum(np.diff(spread_chain, axis=1) ** 2, axis=1)
+    spread_energy = pieces * np.sum(np.diff(spread_chain, axis=1) ** 2, axis=(1, 2))
     spread_energy += decoder.progress_energies(latent, edges, metric.progress_length, metric.sigma_weight)
 
     if math.isfinite(energy_limit):

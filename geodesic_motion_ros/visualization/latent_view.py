@@ -28,8 +28,6 @@ _COLOUR_STOPS = np.array(
 )
 _COARSE = 110
 _BLOCK = 2048
-#: The first of the features, positions and their deviations, are lengths in space, which obstacles stretch.
-_STRETCHED = 6
 FOOTPRINT = np.array([224.0, 72.0, 62.0])
 _DEMONSTRATION, _PATH, _DETOUR, _GOAL = (120, 130, 165), (255, 255, 255), (255, 140, 60), (255, 196, 0)
 
@@ -143,7 +141,8 @@ def magnification_factor(
     along_second, along_first = np.gradient(picture, axes[1][::-1], axes[0], axis=(0, 1))
     weights = np.ones_like(picture)
     if ambient is not None:
-        weights[..., :_STRETCHED] = ambient(features[:, :3]).reshape(size, size, 1)
+        # The first of the features, positions and their deviations, are lengths in space, which obstacles stretch.
+        weights[..., : 9 if skill.decoder.full else 6] = ambient(features[:, :3]).reshape(size, size, 1)
     a = np.sum(weights * along_first**2, axis=-1)
     b = np.sum(weights * along_first * along_second, axis=-1)
     c = np.sum(weights * along_second**2, axis=-1)
@@ -151,9 +150,11 @@ def magnification_factor(
 
 
 def _features(skill: Skill, decoded: Decoded) -> np.ndarray:
-    orientation = skill.metric.orientation_feature(decoded)[:, None]
     return np.concatenate(
-        [decoded.positions, skill.metric.sigma_weight * decoded.sigma, decoded.quaternions, orientation],
+        [
+            decoded.positions, skill.metric.sigma_weight * decoded.root, decoded.quaternions,
+            skill.metric.orientation_features(decoded),
+        ],
         axis=1,
     )
 

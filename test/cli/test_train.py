@@ -104,6 +104,19 @@ def test_an_old_skill_is_replaced_by_the_papers_form_of_it(recording, tmp_path) 
     np.testing.assert_allclose(far.kappa, 0.02, rtol=1e-6)
 
 
+def test_densities_are_chosen_and_the_papers_are_not_changed(recording, tmp_path, capsys) -> None:
+    arguments = ["train", "--demos", str(recording), "--units", "cm", "--out", str(tmp_path / "skill")]
+    arguments += ["--steps", "60", "--kernels", "20"]
+    chosen = ["--position-density", "full", "--orientation-density", "angular_central_gaussian"]
+    assert main([*arguments, *chosen]) in WRITTEN
+    decoder = Skill.load(tmp_path / "skill").decoder
+    assert decoder.full
+    assert decoder.kappa_weights.shape == (3, len(decoder.rbf_centres))
+    capsys.readouterr()
+    assert main([*arguments, *chosen, "--paper"]) == 2
+    assert "schedule joint learns diagonal and von_mises_fisher densities alone" in capsys.readouterr().err
+
+
 def test_inspect_shows_what_the_skill_holds(trained, tmp_path, capsys) -> None:
     described, picture = tmp_path / "reach.json", tmp_path / "reach.png"
     assert main(["inspect", str(trained[0]), "--json", str(described), "--picture", str(picture)]) == 0

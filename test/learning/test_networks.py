@@ -2,7 +2,14 @@ import numpy as np
 import pytest
 import torch
 
-from geodesic_motion_ros.learning.networks import MultilayerPerceptron, RadialBasisNetwork, kernel_rate, place_centres
+from geodesic_motion_ros.learning.densities import symmetric_matrix
+from geodesic_motion_ros.learning.networks import (
+    MultilayerPerceptron,
+    RadialBasisNetwork,
+    SymmetricBasisNetwork,
+    kernel_rate,
+    place_centres,
+)
 from geodesic_motion_ros.utils.errors import ParameterError
 
 
@@ -37,6 +44,21 @@ def test_basis_network_falls_to_its_floor_and_never_below_it():
     points = torch.tensor([[0.0, 0.0], [50.0, 50.0]], dtype=torch.float64)
     assert (network(points) >= network.floor).all()
     torch.testing.assert_close(network(points[1]), network.floor)
+
+
+def test_a_symmetric_network_is_positive_definite_whatever_its_shears_and_diagonal_without():
+    plain = basis_network(floor=(0.5, 0.5, 0.5), scale=(10.0, 1e3, 1.0))
+    network = SymmetricBasisNetwork(plain.centres, plain.rate, plain.floor, plain.scale)
+    points = torch.randn(200, 2, dtype=torch.float64, generator=torch.Generator().manual_seed(0))
+    values = network(points)
+    torch.testing.assert_close(values[:, :3], plain(points))
+    assert torch.equal(values[:, 3:], torch.zeros(200, 3).double())
+    torch.nn.init.normal_(network.shears, std=5.0)
+    values = network(torch.cat([points, torch.full((1, 2), 50.0).double()]))
+    assert values[:-1, 3:].abs().max() > 1.0
+    smallest = torch.linalg.eigvalsh(symmetric_matrix(values[:, :3], values[:, 3:]))[:, 0]
+    assert (smallest > 0.5 - 1e-9).all()
+    torch.testing.assert_close(values[-1], torch.tensor([0.5, 0.5, 0.5, 0.0, 0.0, 0.0]).double())
 
 
 def test_centres_are_reproducible_and_lie_among_the_codes():

@@ -53,7 +53,7 @@ def test_an_edge_costs_what_the_finite_differences_of_the_features_say(fan_skill
 
     def features(latent: np.ndarray) -> np.ndarray:
         decoded = fan_skill.decoder.decode(latent)
-        orientation = metric.orientation_feature(decoded)[:, None]
+        orientation = metric.orientation_features(decoded)
         return np.hstack([decoded.positions, metric.sigma_weight * decoded.sigma, decoded.quaternions, orientation])
 
     middle = graph.latent[graph.edges].mean(axis=1)

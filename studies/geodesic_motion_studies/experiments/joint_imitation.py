@@ -314,9 +314,7 @@ class _Judge:
         encoder = JointSpaceEncoder.from_arrays(skill.encoder_arrays)
         if skill.canonical is None:
             return skill.decoder.configurations(encoder.encode(held_out))
-        sheet = skill.canonical
-        poles = np.stack([_nearest(sheet.start_poles, held_out[0]), _nearest(sheet.goal_poles, held_out[-1])])
-        canonical = remove_offsets(held_out, poles, self._robot, skill.fade)
+        canonical, poles = as_learned(skill, held_out, self._robot)
         rebuilt = skill.decoder.configurations(encoder.encode(canonical))
         offsets = JointOffsets.between(self._robot, poles, held_out[[0, -1]], fade=skill.fade)
         return rebuilt + offsets.displacements(rebuilt, np.linspace(0.0, 1.0, len(rebuilt)))
@@ -351,6 +349,16 @@ def _baseline_times(train: JointDemonstrations, start: np.ndarray, goal: np.ndar
         "dmp_nearest": np.linspace(0.0, shown.times[-1] - shown.times[0], SAMPLES),
         "promp": np.linspace(0.0, np.mean(durations), SAMPLES),
     }
+
+
+def as_learned(skill: Skill, curve: np.ndarray, robot: Robot) -> tuple[np.ndarray, np.ndarray]:
+    """Take a motion (S, eta) to the canonical sheet of a skill; with the poles (2, eta) that its ends are nearest to.
+
+    It is equally spaced along the body's arc.
+    """
+    sheet = skill.canonical
+    poles = np.stack([_nearest(sheet.start_poles, curve[0]), _nearest(sheet.goal_poles, curve[-1])])
+    return remove_offsets(curve, poles, robot, skill.fade), poles
 
 
 def _nearest(poles: np.ndarray, end: np.ndarray) -> np.ndarray:

@@ -140,12 +140,12 @@ class Literal(OfRecordings):
                 shown, hidden = recording.split(fold)
                 settings = _settings(recording, planner, seed, self.steps)
                 skill = _trained(name, shown, settings, out / "skills", stage_shown_on(bar))
-                predict = (_literal if planner == LITERAL else _ours)(skill) if skill else lambda _: None
-                pairs = [(_tool(item, recording), predict(item)) for item in hidden]
+                predict = (_literal if planner == LITERAL else our_prediction)(skill) if skill else lambda _: None
+                pairs = [(tool_of(item, recording), predict(item)) for item in hidden]
                 found[planner] += pairs
                 trainings.append(_training(name, planner, fold, seed, skill, pairs))
             people = [
-                compare(_tool(one, recording), _tool(other, recording)).dtw
+                compare(tool_of(one, recording), tool_of(other, recording)).dtw
                 for one, other in combinations(recording, 2)
             ]
             rows += [_row(name, planner, pairs, 1e3 * float(np.mean(people))) for planner, pairs in found.items()]
@@ -161,8 +161,8 @@ def _settings(
     return settings if steps is None else replace(settings, steps=steps)
 
 
-def _tool(item: Any, recording: Recording) -> PoseCurve:
-    """The tool's curve in a demonstration."""
+def tool_of(item: Any, recording: Recording) -> PoseCurve:
+    """Return the tool's curve in a demonstration."""
     if isinstance(recording, JointDemonstrations):
         return tool_curve(item.configurations, Robot.named(recording.robot))
     return item.curve
@@ -205,7 +205,8 @@ def _literal(skill: Skill) -> Predict:
     return predict
 
 
-def _ours(skill: Skill) -> Predict:
+def our_prediction(skill: Skill) -> Predict:
+    """Predict by this package's planner."""
     if skill.space == "joint":
         arm = ReactivePlanner(skill)
 

@@ -13,7 +13,8 @@ from dataclasses import dataclass, field
 import torch
 from torch import Tensor
 
-from geodesic_motion_ros.learning.autoencoder import DecoderNetwork
+from geodesic_motion_ros.learning.autoencoder import DecoderNetwork, Precisions
+from geodesic_motion_ros.learning.densities import symmetric_matrix
 from geodesic_motion_ros.manifold.configuration_graph import JointMetricSettings
 from geodesic_motion_ros.manifold.pose_graph import MetricSettings
 
@@ -65,12 +66,12 @@ class PullbackMetric:
 
     def features(self, latent: Tensor) -> Tensor:
         """(x, sigma, q, k), (..., 11), and l (s, w sigma_s) at latent points (..., d); fewer of a model with fewer
-        coordinates.
+        coordinates, more of one with a full covariance (`Decoded.root`) or with three concentrations.
         """
         means, precisions = self.decoder.means(latent), self.decoder.precisions(latent)
-        kappa = precisions.kappa
-        scale = kappa**-0.5 if self.settings.orientation_scale == "spread" else kappa
-        parts = (means.coordinates, 1.0 / precisions.inverse_sigma, means.directions, scale[..., None])
+        kappas = precisions.kappa if precisions.kappa.ndim == latent.ndim else precisions.kappa[..., None]
+        scaled = kappas**-0.5 if self.settings.orientation_scale == "spread" else kappas
+        parts = (means.coordinates, _root(precisions), means.directions, scaled / kappas.shape[-1] ** 0.5)
         return torch.cat([*parts, *progress_features(self.decoder, latent, self.settings)], dim=-1)
 
     def jacobian(self, latent: Tensor) -> Tensor:
@@ -82,11 +83,21 @@ class PullbackMetric:
         jacobian = self.jacobian(latent)
         weights = torch.ones_like(jacobian[..., 0])
         coordinates = len(self.decoder.offset)
-        weights[:, coordinates : 2 * coordinates] = self.settings.sigma_weight**2
+        stretched = coordinates + len(self.decoder.inverse_sigma.far)
+        weights[:, coordinates:stretched] = self.settings.sigma_weight**2
         if self.ambient is not None:
             factor = self.ambient(self.decoder.means(latent).coordinates)[:, None]
-            weights = torch.cat([weights[:, : 2 * coordinates] * factor, weights[:, 2 * coordinates :]], dim=-1)
+            weights = torch.cat([weights[:, :stretched] * factor, weights[:, stretched:]], dim=-1)
         return torch.einsum("nfi,nf,nfj->nij", jacobian, weights, jacobian)
+
+
+def _root(precisions: Precisions) -> Tensor:
+    """Features of the root of the covariance of coordinates, as of `manifold.full_covariance`."""
+    if precisions.below is None:
+        return 1.0 / precisions.inverse_sigma
+    root = torch.linalg.inv(symmetric_matrix(precisions.inverse_sigma, precisions.below))
+    first, second = torch.tril_indices(*root.shape[-2:], -1)
+    return torch.cat([root.diagonal(dim1=-2, dim2=-1), 2.0**0.5 * root[..., first, second]], dim=-1)
 
 
 def progress_features(
