@@ -181,7 +181,7 @@ def _add_training(group: argparse._ArgumentGroup) -> None:
     group.add_argument("--sigma-weight", type=float, help="weight of sigma in the metric; 10 without it, the paper: 1")
     group.add_argument(
         "--kl-weight", type=float,
-        help="weight of the divergence; 0.6 without it, on the raw sheet 0.3; the paper: 1",
+        help="weight of the divergence; 0.6 without it, of rounds and on the raw sheet 0.3; the paper: 1",
     )  # fmt: skip
 
 

@@ -47,7 +47,7 @@ class CommonSettings:
     samples : per demonstration that are trained on, equally spaced along its arc.
     steps, batch, learning_rate : Adam steps with cosine decay, samples per step, initial rate.
     kl_weight, kl_warm_up : weight of the divergence in the evidence lower bound (the paper: 1), and the fraction of the
-        steps over which it grows from 0. None: 0.6 on the canonical sheet, 0.3 on the raw one.
+        steps over which it grows from 0. None: 0.6 on the canonical sheet, of rounds 0.3, and 0.3 on the raw one.
     progress_deviation : of the canonical sheet's prior along the strip.
     progress_share : of the mean length of the demonstrations that the whole of the progress counts in the metric of the
         canonical sheet.
@@ -96,7 +96,7 @@ class CommonSettings:
 
     def _choose_by_sheet(self, **choices: tuple[Any, Any]) -> None:
         """Replace what is None by what suits the sheet: choices are (of the canonical one, of the raw one)."""
-        for name, (canonical, raw) in {"kl_weight": (0.6, 0.3), **choices}.items():
+        for name, (canonical, raw) in {"kl_weight": (0.3 if self.closed else 0.6, 0.3), **choices}.items():
             if getattr(self, name) is None:
                 object.__setattr__(self, name, canonical if self.sheet == "canonical" else raw)
 

@@ -245,6 +245,9 @@ class ConfigurationQueryBuilder(QueryBuilder[np.ndarray]):
     def _shown(self, values: Sequence[np.ndarray]) -> np.ndarray:
         return values[0]
 
+    def _values(self, output: np.ndarray) -> Sequence[np.ndarray]:
+        return (output,)
+
     def _offsets_of(self, start: np.ndarray, ends: Sequence[np.ndarray]) -> np.ndarray:
         offsets: np.ndarray = ends[0] - start
         return offsets

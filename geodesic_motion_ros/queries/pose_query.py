@@ -321,6 +321,9 @@ class PoseQueryBuilder(QueryBuilder[Pose]):
     def _shown(self, values: Sequence[np.ndarray]) -> Pose:
         return Pose(*values)
 
+    def _values(self, output: Pose) -> Sequence[np.ndarray]:
+        return output.position, output.quaternion
+
     def _offsets_of(self, start: Pose, ends: Sequence[np.ndarray]) -> np.ndarray:
         positions, quaternions = ends
         turns = rotation_vector_between(np.broadcast_to(start.quaternion, quaternions.shape), quaternions)

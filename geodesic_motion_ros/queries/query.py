@@ -507,7 +507,7 @@ class QueryBuilder(ABC, Generic[Output]):
         for mode, along in enumerate(np.einsum("kn,nsd->ksd", weights, codes)):
             members = sheet.modes == mode
             last = np.flatnonzero((along[:, 0] >= rounds.last) & (along[:, 0] < rounds.last + rounds.period))
-            for sample in last:
+            for sample in range(last[0] - 1, last[-1] + 2):
                 latent, mean = along[sample], self._shown([curve[mode, sample] for curve in means])
                 node = self._graph.node_near(latent, everywhere, max(self._graph.grid.shape))
                 assert node is not None
@@ -539,12 +539,19 @@ class QueryBuilder(ABC, Generic[Output]):
     def _on_round(self, poles: list[Pole[Output]], requested: Output) -> End[Output]:
         """Where rounds pass nearest to an output, between two poles: a step along it would be carried on all around.
         """
-        pole = min(poles, key=lambda pole: self._apart(pole.mean, requested))
-        others = [other for other in poles if 0.0 < abs(other.latent[0] - pole.latent[0]) < self._graph.grid.step * 2.0]
+        means = [np.stack(values) for values in zip(*(self._values(pole.mean) for pole in poles), strict=True)]
+        apart = np.linalg.norm(self._scale * self._offsets_of(requested, means), axis=1)
+        nearest = int(np.argmin(apart))
+        pole, near = poles[nearest], self._graph.grid.step * 2.0
         end = self._at_pole(pole, requested)
-        if not others:
+        # Those of a mode stand in their order.
+        beside = [
+            number for number in (nearest - 1, nearest + 1)
+            if 0 <= number < len(poles) and abs(poles[number].latent[0] - pole.latent[0]) < near
+        ]  # fmt: skip
+        if not beside:
             return end
-        other = min(others, key=lambda other: self._apart(other.mean, requested))
+        other = poles[min(beside, key=lambda number: apart[number])]
         step = self._scale * self._difference(pole.mean, other.mean)
         share = np.clip(step @ (self._scale * end.task_offset) / max(step @ step, 1e-12), 0.0, 1.0)
         latent = pole.latent + share * (other.latent - pole.latent)
@@ -650,6 +657,10 @@ class QueryBuilder(ABC, Generic[Output]):
     @abstractmethod
     def _shown(self, values: Sequence[np.ndarray]) -> Output:
         """The output of a sample of a sheet's curves."""
+
+    @abstractmethod
+    def _values(self, output: Output) -> Sequence[np.ndarray]:
+        """An output as a sample of a sheet's curves."""
 
     @abstractmethod
     def _offsets_of(self, start: Output, ends: Sequence[np.ndarray]) -> np.ndarray:

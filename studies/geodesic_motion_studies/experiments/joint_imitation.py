@@ -358,7 +358,7 @@ def as_learned(skill: Skill, curve: np.ndarray, robot: Robot) -> tuple[np.ndarra
     """
     sheet = skill.canonical
     poles = np.stack([_nearest(sheet.start_poles, curve[0]), _nearest(sheet.goal_poles, curve[-1])])
-    return remove_offsets(curve, poles, robot, skill.fade), poles
+    return remove_offsets(curve, poles, curve[[0, -1]], robot, skill.fade), poles
 
 
 def _nearest(poles: np.ndarray, end: np.ndarray) -> np.ndarray:
