@@ -153,7 +153,7 @@ def test_what_stands_on_the_round_is_kept_clear_of_and_the_rounds_go_on_when_it_
     assert min(clearances) > 0.0
     nothing = np.empty((0, 3)), np.empty(0)
     assert arm.planner.set_obstacles(*nothing, time=arm.now).ok
-    assert arm.play(lambda arm: rests(arm) and arm.mode is Mode.IDLE or arm.turned > 1.99 and rests(arm)).turned == (
+    assert arm.play(lambda arm: (rests(arm) and arm.mode is Mode.IDLE) or (arm.turned > 1.99 and rests(arm))).turned == (
         pytest.approx(2.0, abs=0.01)
     )
 
