@@ -541,7 +541,7 @@ class QueryBuilder(ABC, Generic[Output]):
         """
         means = [np.stack(values) for values in zip(*(self._values(pole.mean) for pole in poles), strict=True)]
         apart = np.linalg.norm(self._scale * self._offsets_of(requested, means), axis=1)
-        nearest = int(np.argmin(apart))
+        nearest = self._nearest_pass(poles, apart)
         pole, near = poles[nearest], self._graph.grid.step * 2.0
         end = self._at_pole(pole, requested)
         # Those of a mode stand in their order.
@@ -559,6 +559,19 @@ class QueryBuilder(ABC, Generic[Output]):
         offset = self._difference(decoded, requested)
         beyond = beyond_demonstrated(task_offset, pole.demonstrated, self._scale)
         return End(latent, pole.node, decoded, requested, offset, beyond, task_offset)
+
+    def _nearest_pass(self, poles: list[Pole[Output]], apart: np.ndarray) -> int:
+        """The number of the pole that is nearest, apart (P,) as of `_apart`. Where rounds cross themselves, and pass
+        nearly as near twice, the one nearer to where demonstrations began.
+        """
+        nearest = int(np.argmin(apart))
+        assert self._rounds is not None
+        spread = np.sqrt(np.mean(np.sum((self._scale * poles[nearest].demonstrated) ** 2, axis=1)))
+        passes = np.flatnonzero((apart <= np.roll(apart, 1)) & (apart <= np.roll(apart, -1)))
+        passes = passes[apart[passes] <= apart[nearest] + spread]
+        begin = self._skill.codes[:, 0].mean(axis=0)
+        since = [self._rounds.rounds_to(begin, poles[number].latent) for number in passes]
+        return int(passes[np.argmin(np.abs(since - np.round(since)))])
 
     def _apart(self, one: Output, other: Output) -> float:
         """How far one output is from another, in the scale of offsets."""

@@ -56,6 +56,7 @@ STUDIES: dict[str, Entry] = {
     "camera": Entry("running_nodes", "Camera", "a camera sees the arm: false stops, costs; a ball", timed=True),
     "literal": Entry("literal", "Literal", "held-out demonstrations by the paper to the letter, beside ours", True),
     "densities": Entry("densities", "Densities", "held-out likelihood and path with each density of the model", True),
+    "rounds": Entry("rounds", "RoundsStudy", "closed skills: held-out rounds, the seam, spheres on the path"),
     "reshaped-tubes": Entry("reshaped_tubes", "ReshapedTubes", "a moving sphere reshapes the metric of the whole arm"),
     "paper-rate": Entry("running_nodes", "PaperRate", "ticks of the paper's planner: a second, exact ones", timed=True),
 }
