@@ -152,6 +152,10 @@ SAME_TASK_POSE = 0.02
 SAME_TASK_JOINTS = 0.05
 #: Offsets of both ends that differ by no more than this are those of a motion that comes round [rad].
 SAME_ROUND = 1e-3
+#: A round is joined to the next where that is as smooth as the rounds, until this share of it is left; then anyhow.
+LAST_JOIN = 0.2
+#: A motion is joined to the one before within this time [s].
+JOIN_LASTS = 0.05
 #: A goal pose is searched from this many of the nearest nodes where the demonstrations have no common ends.
 NEAREST_POSES = 3
 #: A base path is smoothed by this width in the latent space [grid steps].

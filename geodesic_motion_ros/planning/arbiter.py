@@ -12,6 +12,7 @@ import math
 from dataclasses import dataclass, replace
 
 from geodesic_motion_ros.contract.mode import Purpose
+from geodesic_motion_ros.contract.settings import JOIN_LASTS, LAST_JOIN
 from geodesic_motion_ros.contract.status import Refusal, VerdictCode
 from geodesic_motion_ros.motion.detour import DetourRequest, without_detour
 from geodesic_motion_ros.motion.played import FollowedPlan, Step
@@ -26,11 +27,18 @@ from geodesic_motion_ros.planning.proposers.graph import GraphPath
 from geodesic_motion_ros.planning.proposers.turn import Proposer, Turn
 from geodesic_motion_ros.planning.situation import Situation
 from geodesic_motion_ros.queries.query import ArmQuery
+from geodesic_motion_ros.trajectory.trajectory import JointReference
 
 #: Who is asked what an arm without a path does, in this order.
 PROPOSERS: tuple[Proposer, ...] = (
     FoundDetour(), GraphPath(), KeptApproach(), KeptEvasion(), Evasion(), Approach(), WantedDetour(),
 )  # fmt: skip
+
+
+def _begins_smoothly(reference: JointReference) -> bool:
+    """Whether the jerk where a motion begins is none that it does not have later on, before it comes to rest."""
+    later = reference.largest_jerk(JOIN_LASTS, 0.6 * reference.duration)
+    return reference.largest_jerk(0.0, JOIN_LASTS) <= later
 
 
 @dataclass(frozen=True, eq=False)
@@ -107,7 +115,11 @@ class Arbiter:
             return None
         turn = self._turn(coming)
         plan = turn.solve(coming, attempts)
-        if plan.trajectory is None or situation.handover_deadline.passed:
+        if plan.reference is None or situation.handover_deadline.passed:
+            return None
+        left = query.rounds_left(situation.state.latent_on(query))
+        if left > LAST_JOIN and not _begins_smoothly(plan.reference):
+            # Joined a moment later the next round may fit better.
             return None
         return self._decision(turn.take_path(coming, plan, turn.memory.after(plan, coming, None, attempts, situation)))
 
