@@ -14,6 +14,8 @@ from pathlib import Path
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.cm import ScalarMappable
+from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Circle, Patch
@@ -23,6 +25,7 @@ from geodesic_motion_ros.contract.settings import PlannerSettings
 from geodesic_motion_ros.manifold.ambient_metric import clearances
 from geodesic_motion_ros.manifold.tool_points import tool_points
 from geodesic_motion_ros.queries.pose_path import PosePath, PosePathPlanner
+from geodesic_motion_ros.skill.sheet import UNROLLED_ROUNDS
 from geodesic_motion_ros.skill.skill import Skill
 from geodesic_motion_ros.utils.errors import PlanningError
 from geodesic_motion_ros.visualization.latent_view import magnification_factor
@@ -153,12 +156,16 @@ def training_report(skill: Skill, path: str | os.PathLike[str]) -> None:
     chosen = geodesics[int(np.argmax(bend))] if geodesics else codes[0]
     line = chosen[0] + share * (chosen[-1] - chosen[0])
     figure = Figure(figsize=(11.5, 5.2), layout="constrained")
-    axes = figure.add_subplot(1, 2, 1)
-    handles = latent_background(figure, axes, skill)
     paths = [DrawnPath(latent, skill.decoder.decode(latent).positions, "geodesics", BLUE) for latent in geodesics]
     paths.append(DrawnPath(line, skill.decoder.decode(line).positions, "straight latent line", VERMILION, "--"))
-    handles += draw_latent_paths(axes, paths)
-    _frame_codes(axes, skill, np.concatenate([*codes, line, *geodesics]))
+    if skill.period is None:
+        axes = figure.add_subplot(1, 2, 1)
+        handles = latent_background(figure, axes, skill)
+        handles += draw_latent_paths(axes, paths)
+        _frame_codes(axes, skill, np.concatenate([*codes, line, *geodesics]))
+    else:
+        axes = figure.add_subplot(1, 2, 1, projection="3d", computed_zorder=False)
+        handles = draw_cylinder(figure, axes, skill, paths)
     axes.set_title(f"Latent space of {skill.name}", loc="left", fontsize=11)
     space = figure.add_subplot(1, 2, 2, projection="3d", computed_zorder=False)
     draw_in_space(space, [skill.decoder.decode(code).positions for code in codes], paths, zoom=0.9)
@@ -197,6 +204,38 @@ def latent_background(figure: Figure, axes: Axes, skill: Skill) -> list[Line2D |
     axes.set_xlabel("$z_1$")
     axes.set_ylabel("$z_2$")
     return [Line2D([], [], color=GREY, linewidth=0.9, label="demonstrations")]
+
+
+def draw_cylinder(figure: Figure, axes: Axes, skill: Skill, paths: Sequence[DrawnPath]) -> list[Line2D | Patch]:
+    """The sheet of a closed skill, rolled up: magnification factor, demonstrations, paths; for a legend."""
+    assert skill.period is not None
+    values = magnification_factor(skill, _RESOLUTION)[::-1]
+    along, across = (np.linspace(skill.latent_lower[i], skill.latent_upper[i], values.shape[1 - i]) for i in range(2))
+    one_round = np.flatnonzero(along <= along[0] + skill.period)
+    one_round, rows = one_round[:: max(1, len(one_round) // 160)], np.arange(0, len(across), max(1, len(across) // 80))
+    latent = np.stack(np.meshgrid(along[np.append(one_round, one_round[0])], across[rows]), axis=-1)
+    low, high = np.percentile(values, [2.0, 99.0])
+    colours = ScalarMappable(Normalize(low, high + 0.35 * (high - low)), "Greys")
+    faces = colours.to_rgba(values[np.ix_(rows, one_round)])[:-1]
+    faces[..., 3] = 0.75
+    axes.plot_surface(*_rolled_up(skill, latent), facecolors=faces, rstride=1, cstride=1, shade=False, zorder=1)
+    figure.colorbar(colours, ax=axes, label=r"magnification factor  $\log\sqrt{\det M(z)}$", shrink=0.9, pad=0.02)
+    middle = len(skill.codes[0]) // UNROLLED_ROUNDS
+    for code in demonstrations_of(skill):
+        axes.plot(*_rolled_up(skill, code[middle : 2 * middle + 1]), color=GREY, linewidth=0.9, zorder=2)
+    handles = {"demonstrations": Line2D([], [], color=GREY, linewidth=0.9, label="demonstrations")}
+    for drawn in paths:
+        (handles[drawn.name],) = axes.plot(
+            *_rolled_up(skill, drawn.latent), drawn.style, color=drawn.colour, linewidth=2.2, label=drawn.name, zorder=3
+        )
+    axes.view_init(28.0, -60.0)
+    axes.set_axis_off()
+    return list(handles.values())
+
+
+def _rolled_up(skill: Skill, latent: np.ndarray) -> np.ndarray:
+    """Latent points (..., 2) of a closed skill on its cylinder, (3, ...)."""
+    return np.moveaxis(skill.decoder.seen(latent), -1, 0)
 
 
 def _footprint(axes: Axes, skill: Skill, settings: PlannerSettings, obstacle: Sphere) -> Patch:

@@ -18,6 +18,7 @@ from geodesic_motion_ros.learning.training import train_skill
 from geodesic_motion_ros.planning.planner import ReactivePlanner
 from geodesic_motion_ros.robot.inverse_kinematics import solve
 from geodesic_motion_ros.skill.skill import Skill
+from geodesic_motion_ros.visualization.plots import training_report
 
 TICK, CENTRE, RADIUS = 0.02, np.array([0.5, 0.0, 0.4]), 0.1
 DOWN = np.array([0.0, 1.0, 0.0, 0.0])
@@ -171,3 +172,8 @@ def test_a_closed_skill_is_saved_with_its_rounds_and_decodes_the_same_a_round_la
     # the pieces that hold rounds lead from one to the next
     nodes = [graph.node_near(code, np.ones(len(graph.latent), bool), 5) for code in loaded.codes[0, [0, -1]]]
     assert graph.component[nodes[0]] == graph.component[nodes[1]]
+
+
+def test_a_closed_skill_is_drawn_on_its_cylinder(skill: Skill, tmp_path) -> None:
+    training_report(skill, tmp_path / "report.png")
+    assert (tmp_path / "report.png").read_bytes().startswith(b"\x89PNG")
