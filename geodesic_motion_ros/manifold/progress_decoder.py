@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field
 from typing import ClassVar
 
@@ -32,6 +33,11 @@ class ProgressDecoder(Perceptron):
         return self.W1.shape[1]
 
     @property
+    def kernel_deviation(self) -> float:
+        """The standard deviation of the kernels, as densities of the latent space."""
+        return math.sqrt(0.5 / float(self.rbf_rate))
+
+    @property
     def decodes_progress(self) -> bool:
         """Whether the model decodes progress."""
         return self.progress_weights.size > 0
@@ -43,8 +49,11 @@ class ProgressDecoder(Perceptron):
         if not self.decodes_progress or length == 0.0:
             return np.empty((len(latent), 0))
         precision = radial_basis(latent, self.rbf_centres, float(self.rbf_rate), self.progress_weights[None])[:, 0]
-        mean = 0.5 * (1.0 + self.outputs(latent)[:, -1])
-        return length * np.stack([mean, sigma_weight / (precision + self.progress_floor)], axis=1)
+        return length * np.stack([self.mean_progress(latent), sigma_weight / (precision + self.progress_floor)], axis=1)
+
+    def mean_progress(self, latent: np.ndarray) -> np.ndarray:
+        """Return mu_s (n,) of latent points (n, d); of a model that decodes no progress zeros."""
+        return 0.5 * (1.0 + self.outputs(latent)[:, -1]) if self.decodes_progress else np.zeros(len(latent))
 
     def progress_energies(
         self, latent: np.ndarray, edges: np.ndarray, length: float, sigma_weight: float

@@ -428,8 +428,7 @@ class QueryBuilder(ABC, Generic[Output]):
         for members, mean in self._groups(name):
             assert sheet is not None
             latent = self._skill.codes[members, 0 if name == "start" else -1].mean(axis=0)
-            node = self._graph.node_near(latent, np.ones(len(self._graph.latent), bool), max(self._graph.grid.shape))
-            assert node is not None
+            node = self._graph.nearest_node_to(latent)
             if name == "goal":
                 # A path ends at a node.
                 latent = self._graph.latent[node]
@@ -506,11 +505,7 @@ class QueryBuilder(ABC, Generic[Output]):
 
     def _cost_of_demonstration(self) -> float:
         """The cost of the first demonstration's path where the skill was demonstrated."""
-        everywhere = np.ones(len(self._graph.latent), dtype=bool)
-        steps = max(self._graph.grid.shape)
-        start, goal = (self._graph.node_near(code, everywhere, steps) for code in self._skill.codes[0, [0, -1]])
-        assert start is not None
-        assert goal is not None
+        start, goal = (self._graph.nearest_node_to(code) for code in self._skill.codes[0, [0, -1]])
         return float(cost_field(self._graph.adjacency, self._unmoved, goal)[start])
 
     # ---------------------------------------------- what the space determines

@@ -260,7 +260,7 @@ def test_planar_recordings_without_orientation_give_one_cluster(demonstrations):
         ({"blends": -1}, "blends"),
         ({"schedule": "paper"}, "two_stage"),
         ({"hidden": (200,)}, "exactly 2"),
-        ({"latent_dimension": 1}, "2 or 3"),
+        ({"latent_dimension": 0}, "latent_dimension is 0; a latent space has 1 to 6"),
         ({"steps": 0}, "steps"),
         ({"fixed_sigma": float("nan")}, "fixed_sigma"),
         ({"far_kappa": -1.0}, "far_kappa"),
