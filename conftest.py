@@ -189,6 +189,7 @@ def brief_training() -> Iterator[None]:
     size would take longest of all.
     """
     from geodesic_motion_ros.learning import training
+    from geodesic_motion_ros.manifold import sampled_nodes
     from geodesic_motion_ros.skill import skill
     from geodesic_motion_ros.visualization import skill_report
 
@@ -202,7 +203,8 @@ def brief_training() -> Iterator[None]:
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(training, "train_skill", brief(training.train_skill))
         patch.setattr(skill_report, "PLACES", 1)
-        for dimension, shape in ((2, (30, 30)), (3, (9, 9, 9))):
+        patch.setattr(sampled_nodes, "MOST_NODES", 500)
+        for dimension, shape in ((1, (100,)), (2, (30, 30)), (3, (9, 9, 9))):
             patch.setitem(skill.GRID_SHAPES, dimension, shape)
         yield
 

@@ -8,11 +8,12 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from tempfile import TemporaryFile
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 from geodesic_motion_ros.demonstrations.column_names import ANGLES, DEFAULT_COLUMNS, METRES_PER_UNIT
 from geodesic_motion_ros.demonstrations.splitting import PAUSE
 from geodesic_motion_ros.robot.description import DEFAULT_ROBOT
+from geodesic_motion_ros.utils.checked_numbers import LARGEST_DIMENSION
 from geodesic_motion_ros.utils.errors import GeodesicMotionError, ParameterError
 
 if TYPE_CHECKING:
@@ -171,6 +172,15 @@ def seed(text: str) -> int:
     """A seed of the random generators."""
     if not text.isdecimal() or int(text) >= 2**32:
         raise argparse.ArgumentTypeError(f"'{text}' is not a whole number from 0 to {2**32 - 1}")
+    return int(text)
+
+
+def latent_dimension(text: str) -> int | Literal["auto"]:
+    """A number of latent dimensions, or that the data choose it."""
+    if text == "auto":
+        return "auto"
+    if text not in tuple(map(str, range(1, LARGEST_DIMENSION + 1))):
+        raise argparse.ArgumentTypeError(f"'{text}' is not a whole number from 1 to {LARGEST_DIMENSION}, nor auto")
     return int(text)
 
 

@@ -208,10 +208,13 @@ def _families(skill: Skill) -> dict[str, Any]:
 def _graph(skill: Skill, graph: LatentGraph) -> dict[str, Any]:
     from scipy.spatial import cKDTree
 
-    counts = np.bincount(graph.component)
+    from geodesic_motion_ros.manifold.grid import LatentGrid
+
+    counts, grid = np.bincount(graph.component), graph.grid
+    of_lattice = isinstance(grid, LatentGrid)
     figures = {
-        "shape": list(graph.grid.shape), "nodes": len(graph.latent), "edges": len(graph.edges),
-        "kept_percent": 100.0 * len(graph.latent) / float(np.prod(graph.grid.shape)),
+        "shape": list(grid.shape) if of_lattice else None, "nodes": len(graph.latent), "edges": len(graph.edges),
+        "kept_percent": 100.0 * len(graph.latent) / float(np.prod(grid.shape)) if of_lattice else None,
         "large_pieces": len(graph.pieces_with_demonstrations()),
         "nodes_per_piece": np.sort(counts[graph.pieces_with_demonstrations()])[::-1].tolist(),
     }  # fmt: skip

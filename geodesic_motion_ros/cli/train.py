@@ -19,6 +19,7 @@ from geodesic_motion_ros.cli.arguments import (
     add_json,
     add_recording,
     indices,
+    latent_dimension,
     pictured,
     seed,
     writable,
@@ -32,6 +33,7 @@ from geodesic_motion_ros.demonstrations.column_names import (
 )
 from geodesic_motion_ros.demonstrations.takes import Action
 from geodesic_motion_ros.skill.description import check_text
+from geodesic_motion_ros.utils.checked_numbers import LARGEST_DIMENSION
 from geodesic_motion_ros.utils.errors import ParameterError
 from geodesic_motion_ros.utils.tables import write_json
 
@@ -63,7 +65,10 @@ _SPACE_NOTES = {
     "joint": "configurations of the whole arm: a joint-space skill is learned",
 }
 #: Settings of the training that both spaces have.
-_SHARED = ("seed", "steps", "kernels", "bandwidth_factor", "far_sigma", "sheet", "schedule", "kl_weight", "closed")
+_SHARED = (
+    "latent_dimension", "seed", "steps", "kernels", "bandwidth_factor", "far_sigma", "sheet", "schedule", "kl_weight",
+    "closed",
+)  # fmt: skip
 
 _DESCRIPTION = """\
 Learns a skill from a handful of demonstrations of one task: a latent space with a Riemannian metric that is cheap to
@@ -90,6 +95,7 @@ examples:
   geodesic-motion train --demos reach.csv --units m --columns t,px,py,pz,qx,qy,qz,qw --out skills/reach
   geodesic-motion train --demos reach.npz --space joint --out skills/reach
   geodesic-motion train --demos recordings --out skills/reach
+  geodesic-motion train --demos reach.npz --latent auto --out skills/reach
   geodesic-motion train --demos log.txt --units m --columns t=stamp,px=x,py=y,pz=z --out skills/reach
 
 from bags, recorded in one go with a standstill before and after each demonstration, or marked by a topic:
@@ -156,6 +162,11 @@ def _add_training(group: argparse._ArgumentGroup) -> None:
         "--paper", action="store_true",
         help="the paper's model: raw sheet, everything learned together, nothing weighted, change of variables",
     )  # fmt: skip
+    group.add_argument(
+        "--latent", "--latent-dimension", dest="latent_dimension", type=latent_dimension, metavar="N",
+        help="dimensions of the latent space, 1 to 6, or auto: as few as give held-out demonstrations back as well as "
+        "any; 2 without it, of joints 3",
+    )  # fmt: skip
     group.add_argument("--seed", type=seed, help="of everything random; 0 without it")
     group.add_argument("--steps", type=int, help="of the optimiser; 5000 without it")
     group.add_argument("--kernels", type=int, help="radial-basis kernels of the deviations; 500 without it")
@@ -197,7 +208,12 @@ def run(arguments: argparse.Namespace, measures: Mapping[str, Measure] | None = 
     _note_the_flaws(recording)
     # as was found, where nothing was said
     arguments.closed = True if recording.rounds is not None else None
-    training = (
+    chosen_by_data = arguments.latent_dimension == "auto"
+    if chosen_by_data:
+        if recording.rounds is not None:
+            raise ParameterError("--latent auto: rounds are learned in 2 or 3 latent dimensions: say which")
+        arguments.latent_dimension = None
+    training: train_joint.JointTraining | train_task.TaskTraining = (
         train_joint.JointTraining if space == "joint" else train_task.TaskTraining
     ).from_arguments(arguments, recording.demonstrations(arguments.strict), _SHARED)  # fmt: skip
     measure = _measure(measures, space) if arguments.held_out else None
@@ -218,10 +234,13 @@ def run(arguments: argparse.Namespace, measures: Mapping[str, Measure] | None = 
     if space == "task" and demonstrations.has_orientation and arguments.demos is not None:
         refuse_unsaid_order(arguments, arguments.demos, demonstrations)
         _report_orientations(arguments, demonstrations)
+    provenance = _provenance(arguments, paths)
+    if chosen_by_data:
+        training, provenance["dimension"] = _with_chosen_dimension(training, paths[0].stem)
     workload = training.workload()
     print(f"{workload}; about {workload.measure_seconds():.0f} s on this machine, if it is not busy", flush=True)
     with progress_bar(paths[0].stem) as progress:
-        skill = training.learn(name, progress, _provenance(arguments, paths))
+        skill = training.learn(name, progress, provenance)
     if scene is not None:
         skill = _recorded_in(scene, skill)
     if measure is not None:
@@ -242,6 +261,34 @@ def run(arguments: argparse.Namespace, measures: Mapping[str, Measure] | None = 
     if objection:
         _note(f"the skill in {folder} moves no arm yet: {objection}")
     return _UNUSABLE if objection else 0
+
+
+def _with_chosen_dimension(
+    training: train_joint.JointTraining | train_task.TaskTraining, name: str
+) -> tuple[train_joint.JointTraining | train_task.TaskTraining, dict[str, Any]]:
+    """The training with the latent dimension that its demonstrations speak for, and the figures it was chosen by."""
+    from geodesic_motion_ros.learning.dimension import FOLDS, DimensionFigures, shortened
+
+    brief: Any = shortened(training.settings)
+    # Of each model the means alone are learned.
+    once = replace(training, settings=replace(brief, precision_iterations=1)).workload().measure_seconds()
+    print(
+        f"choosing the latent dimension: 1 to {LARGEST_DIMENSION}, {FOLDS} folds of {brief.steps} steps each; about "
+        f"{LARGEST_DIMENSION * FOLDS * once:.0f} s on this machine, if it is not busy\n"
+        "dimensions  error, held out [mm]  standard error [mm]",
+        flush=True,
+    )
+
+    def noted(dimension: int, errors: np.ndarray) -> None:
+        figures = DimensionFigures((dimension,), errors[None])
+        mean, error = 1e3 * figures.means[0], 1e3 * figures.standard_errors[0]
+        print(f"{dimension:10}  {mean:20.2f}  {error:19.2f}", flush=True)
+
+    with progress_bar(name) as progress:
+        figures = training.compare_dimensions(progress, noted)
+    print(f"chosen: {figures.chosen}, the smallest within one standard error of the best")
+    settings: Any = replace(training.settings, latent_dimension=figures.chosen)
+    return replace(training, settings=settings), figures.as_dict()
 
 
 def _measure(measures: Mapping[str, Measure] | None, space: str) -> Measure:

@@ -10,21 +10,23 @@ from typing import TYPE_CHECKING, Any
 from geodesic_motion_ros.cli.arguments import RECORDING_OPTIONS, given
 
 if TYPE_CHECKING:
+    import numpy as np
+
     from geodesic_motion_ros.demonstrations.demonstrations import Demonstrations
     from geodesic_motion_ros.demonstrations.joint_demonstrations import JointDemonstrations
+    from geodesic_motion_ros.learning.dimension import DimensionFigures
     from geodesic_motion_ros.learning.settings import JointTrainingSettings
     from geodesic_motion_ros.learning.workload import Workload
     from geodesic_motion_ros.robot.kinematics import Robot
     from geodesic_motion_ros.skill.skill import Skill
 
-_SETTINGS = ("latent_dimension", "joint_density", "volume_weight", "body_sigma")
+_SETTINGS = ("joint_density", "volume_weight", "body_sigma")
 #: What only recordings of joints have.
 OPTIONS = (*RECORDING_OPTIONS["joint"], *_SETTINGS, "joint_weight")
 
 
 def add_options(group: argparse._ArgumentGroup) -> None:
     """Settings of the training that task space does not have."""
-    group.add_argument("--latent-dimension", type=int, choices=(2, 3), help="of the latent space; 3 without it")
     group.add_argument(
         "--joint-density", choices=("gaussian", "wrapped"),
         help="wrapped: the same for angles that whole turns separate; gaussian without it",
@@ -79,6 +81,14 @@ class JointTraining:
         from geodesic_motion_ros.learning.workload import Workload
 
         return Workload.of(len(self.learned_from), self.settings)
+
+    def compare_dimensions(
+        self, progress: Callable[[str, int, int], None], noted: Callable[[int, np.ndarray], None]
+    ) -> DimensionFigures:
+        """As of `learning.dimension`."""
+        from geodesic_motion_ros.learning.dimension import compare_dimensions
+
+        return compare_dimensions(self.learned_from, self.settings, None, progress, noted)
 
     def learn(self, name: str, progress: Callable[[str, int, int], None], provenance: dict[str, Any]) -> Skill:
         from geodesic_motion_ros.learning.training import train_skill

@@ -11,7 +11,10 @@ from geodesic_motion_ros.cli.arguments import RECORDING_OPTIONS, given
 from geodesic_motion_ros.robot.description import DEFAULT_ROBOT
 
 if TYPE_CHECKING:
+    import numpy as np
+
     from geodesic_motion_ros.demonstrations.demonstrations import Demonstrations
+    from geodesic_motion_ros.learning.dimension import DimensionFigures
     from geodesic_motion_ros.learning.settings import TrainingSettings
     from geodesic_motion_ros.learning.workload import Workload
     from geodesic_motion_ros.skill.skill import Skill
@@ -83,6 +86,14 @@ class TaskTraining:
 
         learned = self.tool_demonstrations()
         return Workload.of(len(learned), self.settings, 2 if learned.has_orientation else 1)
+
+    def compare_dimensions(
+        self, progress: Callable[[str, int, int], None], noted: Callable[[int, np.ndarray], None]
+    ) -> DimensionFigures:
+        """As of `learning.dimension`."""
+        from geodesic_motion_ros.learning.dimension import compare_dimensions
+
+        return compare_dimensions(self.tool_demonstrations(), self.settings, self.robot, progress, noted)
 
     def learn(self, name: str, progress: Callable[[str, int, int], None], provenance: dict[str, Any]) -> Skill:
         from geodesic_motion_ros.learning.training import train_skill

@@ -9,12 +9,14 @@ from typing import TYPE_CHECKING, Any, Literal
 
 from geodesic_motion_ros.manifold.configuration_graph import JointMetricSettings
 from geodesic_motion_ros.manifold.pose_graph import MetricSettings
-from geodesic_motion_ros.utils.checked_numbers import SMALLEST_SCALE
+from geodesic_motion_ros.utils.checked_numbers import LARGEST_DIMENSION, SMALLEST_SCALE
 from geodesic_motion_ros.utils.errors import ParameterError
 
 if TYPE_CHECKING:
     from geodesic_motion_ros.learning.autoencoder import OrientationModel
 
+#: Latent dimensions of a closed skill: the graph of its rounds is a grid.
+ROUND_DIMENSIONS = (2, 3)
 #: The paper has no term of the joints alone; so little is none, and keeps every tensor positive [m].
 _NO_JOINT_WEIGHT = 1e-6
 #: Of positions and orientations, in the paper.
@@ -42,7 +44,7 @@ class CommonSettings:
     sheet : "canonical" (endpoint-normalised: start and goal offsets taken out before) or "raw" (the paper's).
     schedule : "two_stage" or "joint" (the paper's: means and deviations together, after a first half of the steps in
         which the codes settle so that kernels can be placed on them).
-    latent_dimension : d.
+    latent_dimension : d, 1 to 6; from 4 on the nodes of the skill's graph are sampled.
     hidden : units of the encoder's two hidden layers; the decoder has them in reverse.
     samples : per demonstration that are trained on, equally spaced along its arc.
     steps, batch, learning_rate : Adam steps with cosine decay, samples per step, initial rate.
@@ -106,6 +108,8 @@ class CommonSettings:
                 raise ParameterError(f"{name} is {getattr(self, name)!r}; it must be one of {', '.join(allowed)}")
         if self.closed and self.sheet == "raw":
             raise ParameterError("rounds are learned on the canonical sheet: choose sheet canonical, or closed False")
+        if self.closed and self.latent_dimension not in ROUND_DIMENSIONS:
+            raise ParameterError(f"latent_dimension is {self.latent_dimension}; rounds are learned in 2 or 3")
 
 
 @dataclass(frozen=True)
@@ -175,8 +179,7 @@ class TrainingSettings(CommonSettings):
             raise ParameterError(
                 "a canonical sheet has no clusters of q and -q: choose orientation_model sign_blind, or sheet raw"
             )
-        if self.latent_dimension not in (2, 3):
-            raise ParameterError(f"latent_dimension is {self.latent_dimension}; poses are learned in 2 or 3")
+        _check_dimension(self.latent_dimension)
         check_settings(self, self.hidden, self.metric, _POSES_MAY_BE_ZERO)
         if not SMALLEST_SCALE <= self.far_kappa < self.fixed_kappa:
             raise ParameterError(
@@ -191,7 +194,6 @@ class JointTrainingSettings(CommonSettings):
 
     Attributes
     ----------
-    latent_dimension : d, 3 or 2; models of 4 and 5, which make no skill, are for experiments.
     volume_weight : of the change of variables to the body's configurations, log p(theta | z) - volume_weight log V. The
         paper's is 1. Beside body_sigma's term, with sigma fixed, on the canonical sheet it was measured to change next
         to nothing but the time; the default leaves it out.
@@ -232,9 +234,13 @@ class JointTrainingSettings(CommonSettings):
     def __post_init__(self) -> None:
         self._choose_by_sheet()
         self._check_choices(joint_density=("gaussian", "wrapped"))
-        if self.latent_dimension not in (2, 3, 4, 5):
-            raise ParameterError(f"latent_dimension is {self.latent_dimension}; configurations are learned in 2 to 5")
+        _check_dimension(self.latent_dimension)
         check_settings(self, self.hidden, self.metric, _CONFIGURATIONS_MAY_BE_ZERO)
+
+
+def _check_dimension(dimension: int) -> None:
+    if not 1 <= dimension <= LARGEST_DIMENSION:
+        raise ParameterError(f"latent_dimension is {dimension}; a latent space has 1 to {LARGEST_DIMENSION}")
 
 
 def check_settings(settings: Any, hidden: tuple[int, ...], metric: Any, may_be_zero: Collection[str]) -> None:

@@ -25,8 +25,9 @@ from geodesic_motion_ros.learning.settings import CommonSettings, JointTrainingS
 from geodesic_motion_ros.manifold.configuration_graph import ConfigurationGraph
 from geodesic_motion_ros.manifold.joint_transport import JointOffsets
 from geodesic_motion_ros.manifold.pose_graph import PoseGraph
+from geodesic_motion_ros.manifold.tool_points import tool_points
 from geodesic_motion_ros.manifold.transport import Offsets
-from geodesic_motion_ros.robot.body_points import end_effector_poses
+from geodesic_motion_ros.robot.body_points import end_effector_poses, place_body_points
 from geodesic_motion_ros.robot.description import DEFAULT_ROBOT
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.skill.sheet import DemonstratedEnds
@@ -58,13 +59,26 @@ class ShownTask(ABC):
     likelihood: Likelihood
     _form: CanonicalForm | None
 
-    def learned_curves(self) -> Curves:
-        """Make the curves that are learned; on the canonical sheet blends of demonstrations are among them."""
+    def learned_curves(self, members: np.ndarray | None = None) -> Curves:
+        """Make the curves that are learned; on the canonical sheet blends of demonstrations are among them.
+
+        members : (n,) indices of the demonstrations that are learned from; None: all.
+        """
         if self._form is None:
-            return self._raw_curves(self.settings.samples)
+            curves = self._raw_curves(self.settings.samples)
+            return curves if members is None else tuple(values[members] for values in curves)
         sheet = self._form.sheet(self.settings.samples)
-        weights = blend_weights(sheet.modes, self.settings.blends, self.settings.seed)
-        return tuple(map(np.concatenate, zip(sheet.curves, sheet.mean_curves(weights), strict=True)))
+        members = np.arange(len(sheet.modes)) if members is None else members
+        blends = blend_weights(sheet.modes[members], self.settings.blends, self.settings.seed)
+        weights = np.zeros((len(blends), len(sheet.modes)))
+        weights[:, members] = blends
+        own = (values[members] for values in sheet.curves)
+        return tuple(map(np.concatenate, zip(own, sheet.mean_curves(weights), strict=True)))
+
+    def shown_curves(self) -> Curves:
+        """Make the curves of the demonstrations alone, as many samples of each as are learned."""
+        samples = self.settings.samples
+        return self._raw_curves(samples) if self._form is None else self._form.sheet(samples).curves
 
     def coded_curves(self) -> tuple[Curves, DemonstratedEnds | None]:
         """Make the curves whose codes a skill keeps, and the sheet that holds them, unrolled where they are rounds;
@@ -99,6 +113,10 @@ class ShownTask(ABC):
     def tool_poses(self, values: Curves | Means) -> tuple[np.ndarray, np.ndarray]:
         """Find the tool's positions (..., 3) [m] and quaternions (..., 4) in points of the space."""
 
+    @abstractmethod
+    def compared_points(self, values: Curves | Means) -> np.ndarray:
+        """Place the points (n, K, 3) [m] by whose distances points (n in all) of the space are compared."""
+
     @staticmethod
     @abstractmethod
     def energies(graph: Any) -> np.ndarray:
@@ -132,8 +150,8 @@ class ShownPoses(ShownTask):
         length, closed = self.settings.rotation_length, self.settings.closed
         self._form = PoseForm(self._demonstrations, length, closed=closed) if canonical else None
 
-    def learned_curves(self) -> Curves:
-        curves = super().learned_curves()
+    def learned_curves(self, members: np.ndarray | None = None) -> Curves:
+        curves = super().learned_curves(members)
         other = self.opposite(curves)
         return curves if other is None else tuple(map(np.concatenate, zip(curves, other, strict=True)))
 
@@ -147,6 +165,12 @@ class ShownPoses(ShownTask):
     def tool_poses(self, values: Curves | Means) -> tuple[np.ndarray, np.ndarray]:
         positions, quaternions = map(np.asarray, values[:2])
         return positions, quaternions
+
+    def compared_points(self, values: Curves | Means) -> np.ndarray:
+        """The tool's origin, and a point on each of its axes at the length that a radian counts: a turn moves these."""
+        positions, quaternions = (np.asarray(part).reshape(-1, part.shape[-1]) for part in values[:2])
+        points = np.concatenate([np.zeros((1, 3)), self.settings.rotation_length * np.eye(3)])
+        return tool_points(positions, quaternions, points)
 
     @staticmethod
     def energies(graph: PoseGraph) -> np.ndarray:
@@ -196,6 +220,12 @@ class ShownConfigurations(ShownTask):
     def tool_poses(self, values: Curves | Means) -> tuple[np.ndarray, np.ndarray]:
         configurations = np.asarray(values[0])
         return end_effector_poses(configurations.reshape(-1, configurations.shape[-1]), self._arm.chain)
+
+    def compared_points(self, values: Curves | Means) -> np.ndarray:
+        """The body points that the metric sees."""
+        configurations, body = np.asarray(values[0]), self.settings.metric.body_points(self._arm)
+        flat = np.ascontiguousarray(configurations.reshape(-1, configurations.shape[-1]))
+        return place_body_points(flat, body.frames, body.offsets, self._arm.chain)
 
     @staticmethod
     def energies(graph: ConfigurationGraph) -> np.ndarray:

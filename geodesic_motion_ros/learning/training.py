@@ -36,9 +36,8 @@ from geodesic_motion_ros.learning.networks import (
 from geodesic_motion_ros.learning.optimisation import Progress, descend, drawn_rows, minimise, one_seeded_thread
 from geodesic_motion_ros.learning.progress_prior import prior_means, prior_variance
 from geodesic_motion_ros.learning.settings import CommonSettings
-from geodesic_motion_ros.learning.shown_task import Curves, ShownConfigurations, ShownPoses
-from geodesic_motion_ros.skill.skill import GRID_SHAPES, Skill
-from geodesic_motion_ros.utils.errors import ParameterError
+from geodesic_motion_ros.learning.shown_task import Curves, ShownConfigurations, ShownPoses, ShownTask
+from geodesic_motion_ros.skill.skill import Skill
 
 _SHOWN = {Demonstrations: ShownPoses, JointDemonstrations: ShownConfigurations}
 
@@ -63,18 +62,24 @@ def train_skill(
 
     Raises
     ------
-    ParameterError : more latent dimensions than a skill's graph can have.
     DemonstrationError : a demonstration that does not move, or demonstrations that have no form in common.
     SkillError : the model that came out is unusable (see `assemble_skill`).
     RobotError : there is no such robot.
     """
-    shown = _SHOWN[type(demonstrations)](demonstrations, settings, robot)
-    if shown.settings.latent_dimension not in GRID_SHAPES:
-        raise ParameterError(f"latent_dimension is {shown.settings.latent_dimension}; a skill's graph has 2 or 3")
+    shown = shown_task(demonstrations, settings, robot)
     vae = train_model(shown.learned_curves(), shown.likelihood, progress)
     described = {"demonstrations": shown.names, "frame": shown.frame}
     described |= {"seed": shown.settings.seed, "settings": asdict(shown.settings)} | (provenance or {})
     return assemble_skill(vae, shown, name, described)
+
+
+def shown_task(
+    demonstrations: Demonstrations | JointDemonstrations,
+    settings: CommonSettings | None = None,
+    robot: str | None = None,
+) -> ShownTask:
+    """Take demonstrations as their space is learned; parameters and errors as of `train_skill`."""
+    return _SHOWN[type(demonstrations)](demonstrations, settings, robot)
 
 
 def train_model(curves: Curves, likelihood: Likelihood, progress: Progress | None = None) -> AutoEncoder:
@@ -88,31 +93,50 @@ def train_model(curves: Curves, likelihood: Likelihood, progress: Progress | Non
     likelihood : of their samples, with the settings of the training.
     """
     settings = likelihood.settings
-    fractions = np.tile(np.linspace(0.0, 1.0, curves[0].shape[1]), len(curves[0]))
-    coordinates, *directions = (values.reshape(-1, values.shape[-1]) for values in curves)
     with one_seeded_thread(settings.seed):
-        scaling = _scaling(coordinates)
-        vae = AutoEncoder(
-            settings.latent_dimension, settings.hidden, *scaling, likelihood.sign_blind,
-            sum(values.shape[1] for values in directions), settings.progress_numbers,
-        )  # fmt: skip
-        points = likelihood.points(coordinates)
-        samples = Samples(
-            torch.tensor(coordinates).float(),
-            torch.tensor(directions[0]).float() if directions else None,
-            None if points is None else points.float(),
-            torch.tensor(prior_means(fractions, settings)).float(),
-            torch.tensor(fractions).float(),
-        )
-        if likelihood.sign_blind:
-            _start_on_one_side(vae, samples)
+        vae, samples = _begun(curves, likelihood)
         if settings.schedule == "joint":
             _fit_jointly(vae, samples, likelihood, progress)
         else:
-            _ascend(vae, samples, _fixed_precisions(likelihood), settings.steps, "means", likelihood, progress)
+            _fit_means(vae, samples, likelihood, progress)
             vae.double()
             _fit_precisions(vae, samples.double(), likelihood, progress)
         return vae.double().requires_grad_(False)
+
+
+def train_means(curves: Curves, likelihood: Likelihood, progress: Progress | None = None) -> AutoEncoder:
+    """Train the auto-encoder's means alone, whatever the schedule: all that reconstruction needs; as `train_model`."""
+    with one_seeded_thread(likelihood.settings.seed):
+        vae, samples = _begun(curves, likelihood)
+        _fit_means(vae, samples, likelihood, progress)
+        return vae.double().requires_grad_(False)
+
+
+def _begun(curves: Curves, likelihood: Likelihood) -> tuple[AutoEncoder, Samples]:
+    """The model before its first step, and the samples of curves that it learns."""
+    settings = likelihood.settings
+    fractions = np.tile(np.linspace(0.0, 1.0, curves[0].shape[1]), len(curves[0]))
+    coordinates, *directions = (values.reshape(-1, values.shape[-1]) for values in curves)
+    scaling = _scaling(coordinates)
+    vae = AutoEncoder(
+        settings.latent_dimension, settings.hidden, *scaling, likelihood.sign_blind,
+        sum(values.shape[1] for values in directions), settings.progress_numbers,
+    )  # fmt: skip
+    points = likelihood.points(coordinates)
+    samples = Samples(
+        torch.tensor(coordinates).float(),
+        torch.tensor(directions[0]).float() if directions else None,
+        None if points is None else points.float(),
+        torch.tensor(prior_means(fractions, settings)).float(),
+        torch.tensor(fractions).float(),
+    )
+    if likelihood.sign_blind:
+        _start_on_one_side(vae, samples)
+    return vae, samples
+
+
+def _fit_means(vae: AutoEncoder, samples: Samples, likelihood: Likelihood, progress: Progress | None) -> None:
+    _ascend(vae, samples, _fixed_precisions(likelihood), likelihood.settings.steps, "means", likelihood, progress)
 
 
 def _scaling(coordinates: np.ndarray) -> tuple[Tensor, Tensor]:

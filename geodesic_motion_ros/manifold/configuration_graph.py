@@ -16,7 +16,7 @@ tubes, is summed over several pieces of every edge, so that a thin wall between 
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -28,10 +28,11 @@ from geodesic_motion_ros.manifold.decoder import rms_sigma
 from geodesic_motion_ros.manifold.grid import Adjacency, LatentGrid
 from geodesic_motion_ros.manifold.joint_decoder import JointSpaceDecoder
 from geodesic_motion_ros.manifold.joint_transport import JointOffsets, ToolSteps
-from geodesic_motion_ros.manifold.latent_graph import LatentGraph, connected_pieces, refuse_unsupported
+from geodesic_motion_ros.manifold.latent_graph import LatentGraph, choose_nodes, connected_pieces, refuse_unsupported
 from geodesic_motion_ros.manifold.mean_path import MeanPaths
 from geodesic_motion_ros.manifold.metric_field import NUDGE, MetricField, packed_tensors, pulled_back
-from geodesic_motion_ros.manifold.progress import ProgressMap
+from geodesic_motion_ros.manifold.progress import Progress, ProgressMap, progress_of
+from geodesic_motion_ros.manifold.sampled_nodes import SampledNodes
 from geodesic_motion_ros.manifold.weighted_graph import WeightedGraph
 from geodesic_motion_ros.robot.body_points import (
     BodyPoints,
@@ -46,8 +47,10 @@ from geodesic_motion_ros.robot.kinematics import Robot
 #: Arrays of a graph, by their names; of its adjacency likewise.
 _ARRAYS = (
     "latent", "sigma", "progress", "mean_path_shares", "component", "edges", "_number", "configurations",
-    "sigma_shares", "_sigma_fixed", "_tensors",
+    "sigma_shares", "_sigma_fixed", "_bends", "_tensors",
 )  # fmt: skip
+#: Chords count as no shorter than this [m].
+_SHORTEST_CHORD = 1e-9
 _SLOTS = "first", "node", "edge"
 
 
@@ -94,6 +97,8 @@ class ConfigurationGraph(LatentGraph):
     sigma_shares: np.ndarray
     # The same of the joints (m,).
     _sigma_fixed: np.ndarray
+    # Squared lengths of the edges' curves over those of their chords, (m,): 1 where edges are short, as on a grid.
+    _bends: np.ndarray
 
     def tool_steps(self, corrections: np.ndarray) -> ToolSteps:
         """How the nodes are moved by offsets with corrections (K, S, eta) [rad]."""
@@ -120,8 +125,10 @@ class ConfigurationGraph(LatentGraph):
         """
         first, second = self.edges.T
         factor = np.ones(len(self.edges)) if conformal is None else 0.5 * (conformal[first] + conformal[second])
-        turned, shares, moved = _chord_energies(self.edges, configurations, points, self.sigma_shares, factor)
-        tool = _tool_energies(self._orientation_scale, self.edges, configurations, self.robot)
+        turned, shares, moved = _chord_energies(
+            self.edges, configurations, points, self.sigma_shares, factor, self._bends
+        )
+        tool = self._bends * _tool_energies(self._orientation_scale, self.edges, configurations, self.robot)
         fixed = factor * (self.metric.joint_weight**2 * turned + tool + self._sigma_fixed)
         return CarriedConfigurations(
             edges=self.edges,
@@ -138,24 +145,38 @@ class ConfigurationGraph(LatentGraph):
 
         Its tensors are those of the nodes where they are: transport moves neighbours by nearly the same.
         """
-        return MetricField.of(self.grid, self._number, self._tensors, mean_paths, strength)
+        return MetricField.of(
+            self.grid, self._number, self._tensors, mean_paths, strength, sampled=self.sampled
+        )
 
     def arrays(self) -> dict[str, np.ndarray]:
         """Everything of the graph that takes long to work out, by name, as `from_arrays` wants it."""
         slots = {f"adjacency.{name}": getattr(self.adjacency, name) for name in _SLOTS}
-        return {name: getattr(self, name) for name in _ARRAYS} | slots | {"progress_table": self.progress_map.table}
+        table = {"progress_table": self.progress_map.table} if isinstance(self.progress_map, ProgressMap) else {}
+        return {name: getattr(self, name) for name in _ARRAYS} | slots | table | {"spacing": self.grid.spacing}
 
     @classmethod
-    def from_arrays(cls, arrays: Mapping[str, np.ndarray], grid: LatentGrid, **attributes: Any) -> ConfigurationGraph:
-        """The graph of its arrays by name, with the attributes that are none; KeyError: one is missing."""
+    def from_arrays(cls, arrays: Mapping[str, np.ndarray], recipe: Mapping[str, Any]) -> ConfigurationGraph:
+        """The graph of its arrays by name, that `build_configuration_graph` made of a recipe, its arguments by name;
+        KeyError: one is missing.
+        """
         learned = {name: arrays[name] for name in _ARRAYS}
-        tensors, table = learned.pop("_tensors"), arrays["progress_table"]
+        tensors, box = learned.pop("_tensors"), (recipe["lower"], recipe["upper"])
+        grid: LatentGrid | SampledNodes
+        progress_map: Progress
+        if recipe["shape"] is None:
+            grid = SampledNodes(*box, arrays["spacing"])
+            progress_map = progress_of(recipe["codes"], recipe["mean_paths"], grid)
+        else:
+            grid, table = LatentGrid(*box, recipe["shape"]), arrays["progress_table"]
+            progress_map = ProgressMap(table[:, 0], table[:, 1:], grid)
+        rest = {name: recipe[name] for name in ("decoder", "metric", "robot", "body", "sigma_limit", "energy_limit")}
         graph = cls(
             grid=grid,
             adjacency=Adjacency(*(arrays[f"adjacency.{name}"] for name in _SLOTS)),
-            progress_map=ProgressMap(table[:, 0], table[:, 1:], grid),
+            progress_map=progress_map,
             **learned,
-            **attributes,
+            **rest,
         )
         vars(graph)["_tensors"] = tensors  # a frozen class keeps what it has worked out there
         return graph
@@ -232,7 +253,7 @@ def build_configuration_graph(
     robot: Robot,
     body: BodyPoints,
     sigma_limit: float,
-    shape: tuple[int, ...] = (50, 50, 50),
+    shape: tuple[int, ...] | None = (50, 50, 50),
     neighbours: int = 26,
     pieces: int = 3,
     energy_limit: float = math.inf,
@@ -244,14 +265,23 @@ def build_configuration_graph(
     ------
     SkillError where nothing of the box is supported.
     """
-    grid = LatentGrid(np.asarray(lower, dtype=float), np.asarray(upper, dtype=float), tuple(shape))
-    lattice = grid.nodes()
-    sigma = decoder.uncertainty(lattice)
-    kept = rms_sigma(sigma) <= sigma_limit
-    refuse_unsupported(kept, sigma_limit, "rad")
-    latent, sigma, number = lattice[kept], sigma[kept], grid.numbering(kept)
-    edges = grid.edges(number, neighbours)
 
+    def placed(latent: np.ndarray) -> np.ndarray:
+        configurations = decoder.configurations(latent)
+        points = place_body_points(configurations, body.frames, body.offsets, robot.chain)
+        parts = [points.reshape(len(latent), -1) / math.sqrt(len(body)), metric.joint_weight * configurations]
+        return np.concatenate(parts, axis=1)
+
+    def embedded(latent: np.ndarray) -> np.ndarray:
+        return np.column_stack([placed(latent), metric.progress_length * decoder.mean_progress(latent)])
+
+    chosen = choose_nodes(
+        lower, upper, shape, neighbours, codes, mean_paths, decoder.kernel_deviation,
+        lambda latent: rms_sigma(decoder.uncertainty(latent)) <= sigma_limit, embedded,
+    )  # fmt: skip
+    grid, latent, number, edges = chosen
+    refuse_unsupported(len(latent), sigma_limit, "rad")
+    sigma = decoder.uncertainty(latent)
     sigma_chain = _along_edges(decoder, latent, sigma, edges, pieces)
     edges, sigma_chain = _supported(edges, sigma_chain, sigma_limit)
     configurations = decoder.configurations(latent)
@@ -264,14 +294,16 @@ def build_configuration_graph(
     if orientation_scale > 0.0:
         turning = tool_orientation_jacobians(configurations, robot)[:, None]
         sigma_fixed += orientation_scale * _projected_energies(edges, turning, steps)[:, 0]
+    bends = np.ones(len(edges)) if shape is not None else _bends(placed, latent, edges)
     if math.isfinite(energy_limit):
         points = place_body_points(configurations, body.frames, body.offsets, robot.chain)
-        turned, _, moved = _chord_energies(edges, configurations, points, sigma_shares, np.ones(len(edges)))
-        tool = _tool_energies(orientation_scale, edges, configurations, robot)
+        turned, _, moved = _chord_energies(edges, configurations, points, sigma_shares, np.ones(len(edges)), bends)
+        tool = bends * _tool_energies(orientation_scale, edges, configurations, robot)
         energy = metric.joint_weight**2 * turned + tool + sigma_fixed + moved
         usable = energy <= energy_limit
         edges, sigma_fixed, sigma_shares = edges[usable], sigma_fixed[usable], sigma_shares[usable]
-    progress_map = _progress_map(codes, grid, mean_paths, kept)
+        bends = bends[usable]
+    progress_map = progress_of(codes, mean_paths, grid, chosen.kept)
     progress, mean_path_shares = progress_map(latent)
     return ConfigurationGraph(
         grid=grid,
@@ -292,14 +324,9 @@ def build_configuration_graph(
         body=body,
         configurations=configurations,
         _sigma_fixed=sigma_fixed,
+        _bends=bends,
         sigma_shares=sigma_shares,
     )
-
-
-def _progress_map(codes: np.ndarray, grid: LatentGrid, mean_paths: MeanPaths | None, kept: np.ndarray) -> ProgressMap:
-    if mean_paths is None:
-        return ProgressMap.from_codes(codes, grid)
-    return ProgressMap.from_mean_paths(mean_paths, grid, kept)
 
 
 def _along_edges(
@@ -311,6 +338,16 @@ def _along_edges(
     cuts = latent[first, None] + inner * (latent[second] - latent[first])[:, None]
     between = decoder.uncertainty(cuts.reshape(-1, latent.shape[1])).reshape(*cuts.shape[:2], sigma.shape[1])
     return np.concatenate([sigma[first, None], between, sigma[second, None]], axis=1)
+
+
+def _bends(placed: Callable[[np.ndarray], np.ndarray], latent: np.ndarray, edges: np.ndarray) -> np.ndarray:
+    """Of every edge the squared length of both chords over its middle, where that is `placed`, (n, F), over that of the
+    one chord, (m,).
+    """
+    first, second = edges.T
+    nodes, middle = placed(latent), placed(0.5 * (latent[first] + latent[second]))
+    along = np.linalg.norm(middle - nodes[first], axis=1) + np.linalg.norm(nodes[second] - middle, axis=1)
+    return (along / np.maximum(np.linalg.norm(nodes[second] - nodes[first], axis=1), _SHORTEST_CHORD)) ** 2
 
 
 def _supported(edges: np.ndarray, sigma_chain: np.ndarray, sigma_limit: float) -> tuple[np.ndarray, np.ndarray]:
@@ -357,19 +394,22 @@ def _projected_energies(edges: np.ndarray, jacobians: np.ndarray, steps: np.ndar
 
 @numba.njit(cache=True, nogil=True)
 def _chord_energies(
-    edges: np.ndarray, configurations: np.ndarray, points: np.ndarray, sigma_shares: np.ndarray, conformal: np.ndarray
+    edges: np.ndarray, configurations: np.ndarray, points: np.ndarray, sigma_shares: np.ndarray, conformal: np.ndarray,
+    bends: np.ndarray,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """|dtheta|^2 (m,), a_ek = conformal (|dp_k|^2 + sigma's part) / K (m, K), and their sum (m,), of every edge."""
+    """b |dtheta|^2 (m,), a_ek = conformal (b |dp_k|^2 + sigma's part) / K (m, K), and their sum (m,), of every edge, b
+    its bend (m,).
+    """
     count = points.shape[1]
     turned, shares, moved = np.zeros(len(edges)), np.empty((len(edges), count)), np.zeros(len(edges))
     for e in range(len(edges)):
         u, v = edges[e, 0], edges[e, 1]
         for j in range(configurations.shape[1]):
-            turned[e] += (configurations[v, j] - configurations[u, j]) ** 2
+            turned[e] += bends[e] * (configurations[v, j] - configurations[u, j]) ** 2
         for k in range(count):
             squared = sigma_shares[e, k]
             for a in range(3):
-                squared += (points[v, k, a] - points[u, k, a]) ** 2
+                squared += bends[e] * (points[v, k, a] - points[u, k, a]) ** 2
             shares[e, k] = conformal[e] * squared / count
             moved[e] += shares[e, k]
     return turned, shares, moved

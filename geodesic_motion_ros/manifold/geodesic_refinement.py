@@ -40,6 +40,9 @@ _SUPPORT = 0.5
 _SHORTEST = 0.01
 #: How often the curve that is begun from is smoothed, each time by a Gaussian of 0.7 pieces.
 _SMOOTHINGS = 8
+#: Where nodes are samples paths wind more: how often they are smoothed so again, as long as they become shorter, and
+#: how often the curve that was found is refined anew.
+_ROUNDS, _PASSES = 6, 2
 #: Pieces a step of the grid by which the refined curve is judged against the path.
 _JUDGED = 1
 
@@ -50,17 +53,29 @@ def refined(field: MetricField, evaluation: NodeEvaluation, margin: float, path:
     It stays where nodes are and, as far as the polyline does, where they have a clearance of at least a margin [m]. It
     is never longer; where it would be it is the polyline.
     """
-    best = field.coordinates(path)
-    begun, moved, cells = _refined(field, evaluation, margin, best)
+    best, shorter = field.coordinates(path), False
+    for _ in range(1 if len(field.number) > 0 else _PASSES):
+        curve = _shorter(field, evaluation, margin, best)
+        if curve is None:
+            break
+        best, shorter = curve, True
+    return field.latent(best) if shorter else path
+
+
+def _shorter(
+    field: MetricField, evaluation: NodeEvaluation, margin: float, path: np.ndarray
+) -> np.ndarray | None:
+    """A shorter curve (m, d) near a path (p, d), with no more faults; None where none was found."""
+    begun, moved, cells = _refined(field, evaluation, margin, path)
     if not cells > 0.0:
-        return path
+        return None
     # Where the metric changes within a piece its middle may tell too little of it: then what was begun from is better.
-    (faults, length), shorter = _judged(field, evaluation, margin, best, cells), False
+    (faults, length), best = _judged(field, evaluation, margin, path, cells), None
     for curve in (begun, moved):
         new_faults, new_length = _judged(field, evaluation, margin, curve, cells)
         if new_faults <= faults and new_length < length:
-            best, shorter, faults, length = curve, True, new_faults, new_length
-    return field.latent(best) if shorter else path
+            best, faults, length = curve, new_faults, new_length
+    return best
 
 
 @numba.njit(cache=True, nogil=True)
@@ -77,28 +92,35 @@ def _refined(
     count = int(min(_MOST_PIECES, max(_LEAST_PIECES, math.ceil(cells))))
     curve = evenly(path, count)
     trial, nearest = curve.copy(), np.zeros((count, len(field.centres)), dtype=np.int64)
+    nodes = np.full(count, -1, dtype=np.int64)
     energies, weights, support, clearance = np.empty(count), np.ones(count), np.empty(count), np.empty(count)
     new_energies, new_support, new_clearance = np.empty(count), np.empty(count), np.empty(count)
     gradient, diagonal, beside = np.empty((count + 1, d)), np.empty((count + 1, d, d)), np.empty((count, d, d))
     new_gradient, new_diagonal, new_beside = gradient.copy(), diagonal.copy(), beside.copy()
     fixed = np.empty(count + 1, dtype=np.bool_)
     _nearest_to_pieces(curve, field.centres, field.precisions, nearest)
-    _assemble(field, evaluation, curve, weights, nearest, energies, support, clearance, gradient, diagonal, beside)
-    length = _length(energies)
-    _smooth(curve, trial)
     _assemble(
-        field, evaluation, trial, weights, nearest, new_energies, new_support, new_clearance, gradient, diagonal, beside
+        field, evaluation, curve, weights, nearest, nodes, energies, support, clearance, gradient, diagonal, beside
     )
-    new_length = _length(new_energies)
-    if new_length < length and not _worse(support, clearance, new_support, new_clearance, margin, fixed):
-        length, curve, trial, energies = new_length, trial, curve, new_energies
+    length = _length(energies)
+    for _ in range(1 if len(field.number) > 0 else _ROUNDS):
+        _smooth(curve, trial)
+        _assemble(
+            field, evaluation, trial, weights, nearest, nodes, new_energies, new_support, new_clearance, gradient,
+            diagonal, beside,
+        )  # fmt: skip
+        new_length = _length(new_energies)
+        if not new_length < length or _worse(support, clearance, new_support, new_clearance, margin, fixed):
+            break
+        length, curve, trial = new_length, trial, curve
+        energies, new_energies = new_energies, energies
         support, clearance, new_support, new_clearance = new_support, new_clearance, support, clearance
     if not length > 0.0:
         return path, path, 0.0
     for i in range(count):
         weights[i] = length / max(math.sqrt(energies[i]), _SHORTEST * length / count)
     before = _assemble(
-        field, evaluation, curve, weights, nearest, energies, support, clearance, gradient, diagonal, beside
+        field, evaluation, curve, weights, nearest, nodes, energies, support, clearance, gradient, diagonal, beside
     )
     begun = curve.copy()
     for _ in range(_SWEEPS):
@@ -109,7 +131,7 @@ def _refined(
             step = _newton_step(gradient, diagonal, beside, fixed)
             _move(curve, step, share, field.shape, trial)
             after = _assemble(
-                field, evaluation, trial, weights, nearest, energies, new_support, new_clearance, new_gradient,
+                field, evaluation, trial, weights, nearest, nodes, energies, new_support, new_clearance, new_gradient,
                 new_diagonal, new_beside,
             )  # fmt: skip
             worse = _worse(support, clearance, new_support, new_clearance, margin, fixed)
@@ -224,6 +246,7 @@ def _assemble(
     curve: np.ndarray,
     weights: np.ndarray,
     nearest: np.ndarray,
+    nodes: np.ndarray,
     energies: np.ndarray,
     support: np.ndarray,
     clearance: np.ndarray,
@@ -238,19 +261,21 @@ def _assemble(
 
         dD M dD + (q dD) (g dm) + e / 4 (g dm)^2 + e / 2 dm C dm,      C the curvature of the mean paths' exponent.
     """
-    _, _, shape, _, _, rows, columns, _, centres, precisions, penalties, strength, cap = field
+    _, _, shape, _, _, rows, columns, _, centres, precisions, penalties, strength, cap, _, _ = field
     d = len(shape)
     packed = d * (d + 1) // 2
     tensor, slopes, share, lean = np.empty(packed), np.empty((d, packed)), np.empty(d), np.empty((3, d))
     middle, along, pulled, slope = np.empty(d), np.empty(d), np.empty(d), np.empty(d)
     curvature = np.empty((d, d))
     gradient[:], diagonal[:], beside[:] = 0.0, 0.0, 0.0
-    evaluate_around(field, evaluation, curve)
+    evaluate_around(field, evaluation, curve, nodes)
     energy = 0.0
     for i in range(len(weights)):
         for a in range(d):
             middle[a], along[a] = 0.5 * (curve[i, a] + curve[i + 1, a]), curve[i + 1, a] - curve[i, a]
-        support[i], clearance[i] = tensor_at(middle, field, evaluation, tensor, slopes, share, lean, True)
+        support[i], clearance[i] = tensor_at(
+            middle, field, evaluation, nodes[i], tensor, slopes, share, lean, True
+        )
         conformal = math.exp(
             conformal_exponent(
                 middle, centres, precisions, penalties, strength, cap, nearest[i], slope, curvature

@@ -11,11 +11,11 @@ from scipy.spatial import cKDTree
 
 from geodesic_motion_ros.geometry.se3 import carried
 from geodesic_motion_ros.manifold.decoder import Decoded, TaskSpaceDecoder, rms_sigma
-from geodesic_motion_ros.manifold.grid import Adjacency, LatentGrid
-from geodesic_motion_ros.manifold.latent_graph import LatentGraph, connected_pieces, refuse_unsupported
+from geodesic_motion_ros.manifold.grid import Adjacency
+from geodesic_motion_ros.manifold.latent_graph import LatentGraph, choose_nodes, connected_pieces, refuse_unsupported
 from geodesic_motion_ros.manifold.mean_path import MeanPaths
 from geodesic_motion_ros.manifold.metric_field import NUDGE, MetricField, packed_tensors, pulled_back
-from geodesic_motion_ros.manifold.progress import ProgressMap
+from geodesic_motion_ros.manifold.progress import progress_of
 from geodesic_motion_ros.manifold.tool_points import tool_points
 from geodesic_motion_ros.manifold.transport import Offsets
 from geodesic_motion_ros.manifold.transported_graph import TransportedGraph, chord_energies
@@ -140,7 +140,7 @@ class PoseGraph(LatentGraph):
 
         They are those of the nodes where they are: transport moves neighbours by nearly the same.
         """
-        return MetricField.of(self.grid, self._number, tensors, mean_paths, strength)
+        return MetricField.of(self.grid, self._number, tensors, mean_paths, strength, sampled=self.sampled)
 
     def sigma_at(self, latent: np.ndarray) -> np.ndarray:
         """Sigma (n, 3) [m] of the position at latent points (n, d)."""
@@ -175,7 +175,7 @@ def build_pose_graph(
     upper: np.ndarray,
     metric: MetricSettings,
     sigma_limit: float,
-    shape: tuple[int, ...] = (100, 100),
+    shape: tuple[int, ...] | None = (100, 100),
     neighbours: int = 16,
     pieces: int = 3,
     one_sheet: bool = True,
@@ -190,7 +190,8 @@ def build_pose_graph(
     codes : (N, T, d) the demonstrations' codes, in order of arc length.
     lower, upper : (d,) corners of the latent box.
     sigma_limit : nodes and edge samples with a larger rms sigma [m] are pruned; inf keeps the whole box.
-    neighbours, pieces : directions per node, and chords per edge.
+    shape : lattice points along each axis; None: nodes are sampled.
+    neighbours, pieces : directions per node, or nearest nodes of it, and chords per edge.
     one_sheet : leave out edges along which the decoded quaternion changes to the other hemisphere: there q and -q, the
         same orientation, would be joined through orientations nobody showed. False only to measure such crossings.
     energy_limit : largest obstacle-free squared length of an edge; longer ones cross where nobody moved.
@@ -202,19 +203,23 @@ def build_pose_graph(
     ------
     SkillError where nothing of the box is supported.
     """
-    grid = LatentGrid(np.asarray(lower, dtype=float), np.asarray(upper, dtype=float), tuple(shape))
-    lattice = grid.nodes()
-    kept = rms_sigma(decoder.uncertainty(lattice)[0]) <= sigma_limit
-    refuse_unsupported(kept, sigma_limit, "m")
-    latent = lattice[kept]
-    number = grid.numbering(kept)
-    edges = grid.edges(number, neighbours)
-    of_codes = mean_paths is None
-    progress_map = ProgressMap.from_codes(codes, grid) if of_codes else ProgressMap.from_mean_paths(mean_paths, grid)
+
+    def embedded(latent: np.ndarray) -> np.ndarray:
+        decoded = decoder.decode(latent)
+        progress = metric.progress_length * decoder.mean_progress(latent)
+        return np.column_stack([decoded.positions, decoded.quaternions, progress])
+
+    chosen = choose_nodes(
+        lower, upper, shape, neighbours, codes, mean_paths, decoder.kernel_deviation,
+        lambda latent: rms_sigma(decoder.uncertainty(latent)[0]) <= sigma_limit, embedded,
+    )  # fmt: skip
+    grid, latent, number, edges = chosen
+    refuse_unsupported(len(latent), sigma_limit, "m")
+    progress_map = progress_of(codes, mean_paths, grid)
 
     fractions = np.arange(1, pieces) / pieces
     start, step = latent[edges[:, 0]], latent[edges[:, 1]] - latent[edges[:, 0]]
-    inner_latent = (start[:, None] + fractions[None, :, None] * step[:, None]).reshape(-1, len(grid.shape))
+    inner_latent = (start[:, None] + fractions[None, :, None] * step[:, None]).reshape(-1, latent.shape[1])
     inner = decoder.decode(inner_latent)
     decoded = decoder.decode(latent)
 

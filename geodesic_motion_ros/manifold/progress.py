@@ -1,6 +1,9 @@
-"""Progress tau(z) of latent points along the demonstrations, tabulated on the grid."""
+"""Progress tau(z) of latent points along the demonstrations, tabulated on the grid or, where there is none, worked out.
+"""
 
 from __future__ import annotations
+
+from collections.abc import Callable
 
 import numba
 import numpy as np
@@ -8,6 +11,7 @@ from scipy.ndimage import binary_dilation, distance_transform_edt
 
 from geodesic_motion_ros.manifold.grid import LatentGrid
 from geodesic_motion_ros.manifold.mean_path import MeanPaths
+from geodesic_motion_ros.manifold.sampled_nodes import SampledNodes
 
 
 class ProgressMap:
@@ -46,24 +50,51 @@ class ProgressMap:
 
     @classmethod
     def from_codes(cls, codes: np.ndarray, grid: LatentGrid) -> ProgressMap:
-        """Progress of the nearby codes (N, T, d), each demonstration's in order of arc length; no mean paths.
+        """`CodeProgress` of codes (N, T, d)."""
+        return cls(*CodeProgress(codes)(grid.nodes()), grid)
 
-        tau(z) = sum w s / sum w, w = exp(-|z - z_i(s)|^2 / (2 h^2)), over the demonstrations' codes z_i(s) with arc
-        length s; h is the typical distance between neighbouring demonstrations.
-        """
-        count, samples, dimension = codes.shape
-        flat = codes.reshape(-1, dimension)
-        share = np.tile(np.linspace(0.0, 1.0, samples), count)
-        rate = 0.5 / _tube_width(codes) ** 2
-        nodes, norms = grid.nodes(), np.sum(flat**2, axis=1)
-        progress = np.empty(len(nodes))
-        for begin in range(0, len(nodes), 512):
-            block = nodes[begin : begin + 512]
+
+class CodeProgress:
+    """Progress of the nearby codes, without a table; there are no mean paths.
+
+    tau(z) = sum w s / sum w, w = exp(-|z - z_i(s)|^2 / (2 h^2)), over the demonstrations' codes z_i(s) with arc length
+    s; h is the typical distance between neighbouring demonstrations.
+    """
+
+    def __init__(self, codes: np.ndarray) -> None:
+        """codes (N, T, d), each demonstration's in order of arc length."""
+        self._codes = codes.reshape(-1, codes.shape[-1])
+        self._share = np.tile(np.linspace(0.0, 1.0, codes.shape[1]), len(codes))
+        self._rate = 0.5 / _tube_width(codes) ** 2
+
+    def __call__(self, latent: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """tau (n,) and shares (n, 0) of latent points (n, d)."""
+        norms, progress = np.sum(self._codes**2, axis=1), np.empty(len(latent))
+        for begin in range(0, len(latent), 512):
+            block = latent[begin : begin + 512]
             # |z - z_i|^2 but for |z|^2, which the quotient does not depend on; as a product of matrices.
-            squared = norms - 2.0 * (block @ flat.T)
-            weight = np.exp(-rate * (squared - squared.min(axis=1, keepdims=True)))
-            progress[begin : begin + 512] = weight @ share / weight.sum(axis=1)
-        return cls(progress, np.empty((len(nodes), 0)), grid)
+            squared = norms - 2.0 * (block @ self._codes.T)
+            weight = np.exp(-self._rate * (squared - squared.min(axis=1, keepdims=True)))
+            progress[begin : begin + 512] = weight @ self._share / weight.sum(axis=1)
+        return progress, np.empty((len(latent), 0))
+
+
+#: Progress (n,) and shares (n, K) of the mean paths at latent points (n, d).
+Progress = Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]
+
+
+def progress_of(
+    codes: np.ndarray, mean_paths: MeanPaths | None, grid: LatentGrid | SampledNodes, kept: np.ndarray | None = None
+) -> Progress:
+    """Choose what tells progress: along the mean paths, or the codes where there are none; of a grid in a table.
+
+    kept : as of `ProgressMap.from_mean_paths`.
+    """
+    if isinstance(grid, SampledNodes):
+        return CodeProgress(codes) if mean_paths is None else mean_paths.coordinates
+    if mean_paths is None:
+        return ProgressMap.from_codes(codes, grid)
+    return ProgressMap.from_mean_paths(mean_paths, grid, kept)
 
 
 @numba.njit(cache=True, nogil=True)

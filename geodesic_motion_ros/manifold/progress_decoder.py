@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field
 from typing import ClassVar
 
@@ -62,6 +63,11 @@ class ProgressDecoder(Perceptron):
         """Weigh the kernels v (outputs, K) at latent points (n, d): (n, outputs)."""
         return radial_basis(self.seen(latent), self.rbf_centres, float(self.rbf_rate), weights)
 
+    @property
+    def kernel_deviation(self) -> float:
+        """The standard deviation of the kernels, as densities of the latent space."""
+        return math.sqrt(0.5 / float(self.rbf_rate))
+
     def progress_features(self, latent: np.ndarray, length: float, sigma_weight: float) -> np.ndarray:
         """Make the features (n, 2 or 3) [m] by which progress takes part in the metric, at latent points (n, d):
         length mu_s, but for a constant, and length sigma_weight sigma_s. Of a model that decodes none (n, 0).
@@ -72,6 +78,10 @@ class ProgressDecoder(Perceptron):
         precision = self.kernels(latent, self.progress_weights[None])
         mean = PROGRESS_SCALES[numbers] * self.outputs(self.seen(latent))[:, -numbers:]
         return length * np.concatenate([mean, sigma_weight / (precision + self.progress_floor)], axis=1)
+
+    def mean_progress(self, latent: np.ndarray) -> np.ndarray:
+        """Return mu_s (n,) of latent points (n, d); of a model that decodes no progress, or of rounds, zeros."""
+        return 0.5 * (1.0 + self.outputs(latent)[:, -1]) if self.progress_numbers == 1 else np.zeros(len(latent))
 
     def progress_energies(
         self, latent: np.ndarray, edges: np.ndarray, length: float, sigma_weight: float

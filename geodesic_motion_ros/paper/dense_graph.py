@@ -14,6 +14,7 @@ from geodesic_motion_ros.manifold.transport import Offsets
 from geodesic_motion_ros.manifold.weighted_graph import WeightedGraph
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.skill.skill import GRID_SHAPES, Skill
+from geodesic_motion_ros.utils.errors import PlanningError
 
 #: Directions per node by the latent dimension: all neighbours of a cell.
 NEIGHBOURS = {2: 8, 3: 26}
@@ -28,7 +29,15 @@ def dense_graph(skill: Skill, shape: tuple[int, ...] | None = None) -> tuple[Lat
     Parameters
     ----------
     shape : nodes along each latent axis; None: 100 x 100 or 50 x 50 x 50.
+
+    Raises
+    ------
+    PlanningError : the latent space has neither two nor three dimensions, as those of the paper.
     """
+    if len(skill.latent_lower) not in NEIGHBOURS:
+        raise PlanningError(
+            f"skill {skill.name} has {len(skill.latent_lower)} latent dimensions: a dense grid is of 2 or 3"
+        )
     shape = shape or GRID_SHAPES[len(skill.latent_lower)]
     dense = {
         "sigma_limit": math.inf, "shape": shape, "neighbours": NEIGHBOURS[len(shape)], "pieces": 1,

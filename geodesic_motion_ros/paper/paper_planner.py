@@ -91,7 +91,7 @@ class PaperPlanner:
         # Ends are looked for where the decoder can be trusted.
         limit = ENDPOINT_MULTIPLE * skill.sigma_support
         self._trusted = np.flatnonzero(self.graph.sigma < limit)
-        refuse_unsupported(self.graph.sigma < limit, limit, "rad" if self._of_joints else "m")
+        refuse_unsupported(int(np.sum(self.graph.sigma < limit)), limit, "rad" if self._of_joints else "m")
         self._obstacles = Obstacles.none()
         self.held: tuple[HeldObject, ...] = ()
         self._held_radius = 0.0

@@ -488,8 +488,7 @@ class QueryBuilder(ABC, Generic[Output]):
         for members, mean in self._groups(name):
             assert sheet is not None
             latent = self._skill.codes[members, 0 if name == "start" else -1].mean(axis=0)
-            node = self._graph.node_near(latent, np.ones(len(self._graph.latent), bool), max(self._graph.grid.shape))
-            assert node is not None
+            node = self._graph.nearest_node_to(latent)
             if name == "goal":
                 # A path ends at a node.
                 latent = self._graph.latent[node]
@@ -501,7 +500,6 @@ class QueryBuilder(ABC, Generic[Output]):
         """Those of a closed skill: in the last round, all along the mean of each mode."""
         sheet, codes, poles = self._skill.canonical, self._skill.codes, []
         assert sheet is not None
-        everywhere = np.ones(len(self._graph.latent), dtype=bool)
         weights = sheet.weights(np.zeros(len(self._scale)), np.zeros(len(self._scale)), conditioned=False)
         means = sheet.mean_curves(weights)
         for mode, along in enumerate(np.einsum("kn,nsd->ksd", weights, codes)):
@@ -509,8 +507,7 @@ class QueryBuilder(ABC, Generic[Output]):
             last = np.flatnonzero((along[:, 0] >= rounds.last) & (along[:, 0] < rounds.last + rounds.period))
             for sample in range(last[0] - 1, last[-1] + 2):
                 latent, mean = along[sample], self._shown([curve[mode, sample] for curve in means])
-                node = self._graph.node_near(latent, everywhere, max(self._graph.grid.shape))
-                assert node is not None
+                node = self._graph.nearest_node_to(latent)
                 shown = [curve[members, sample] for curve in sheet.curves]
                 offsets = sheet.start_offsets[members] + self._offsets_of(mean, shown)
                 poles.append(Pole(latent, node, self._decoded(latent), mean, offsets))
@@ -632,13 +629,10 @@ class QueryBuilder(ABC, Generic[Output]):
 
     def _cost_of_demonstration(self) -> float:
         """The cost of the first demonstration's path where the skill was demonstrated."""
-        everywhere = np.ones(len(self._graph.latent), dtype=bool)
-        steps, codes = max(self._graph.grid.shape), self._skill.codes[0]
+        codes = self._skill.codes[0]
         # one of the rounds, that of a closed skill in the middle
         ends = [0, -1] if self._rounds is None else [len(codes) // UNROLLED_ROUNDS, 2 * len(codes) // UNROLLED_ROUNDS]
-        start, goal = (self._graph.node_near(code, everywhere, steps) for code in codes[ends])
-        assert start is not None
-        assert goal is not None
+        start, goal = (self._graph.nearest_node_to(code) for code in codes[ends])
         return float(cost_field(self._graph.adjacency, self._unmoved, goal)[start])
 
     # ---------------------------------------------- what the space determines

@@ -19,6 +19,7 @@ from geodesic_motion_ros.skill.space import SPACES, SkillSpace
 from geodesic_motion_ros.utils.checked_files import opened, read_arrays, read_tensors, read_yaml
 from geodesic_motion_ros.utils.checked_numbers import (
     LARGEST_CODE,
+    LARGEST_DIMENSION,
     SMALLEST_BOX,
     check_array,
     check_pose,
@@ -31,7 +32,6 @@ LATENT_ARRAYS = ("codes", "latent_lower", "latent_upper", "start_pose", "goal_po
 #: Sizes of the files [B]. Those of 16 demonstrations and a whole arm take 1.6 kB, 0.4 MB and 0.1 MB.
 LARGEST_DESCRIPTION = 64 << 10
 _LARGEST = {DESCRIPTION: LARGEST_DESCRIPTION, WEIGHTS: 16 << 20, LATENT: 16 << 20}
-_DIMENSIONS = (2, 3)
 #: Codes that are decoded to see whether an arm could do what a decoder says.
 _TRIED_CODES = 1000
 
@@ -102,8 +102,8 @@ def _networks(content: bytes, space: SkillSpace, joints: int) -> dict[str, Any]:
     weights = read_tensors(content)
     decoder = space.decoder.from_arrays(_with_prefix(weights, "decoder."))
     d = decoder.latent_dimension
-    if d not in _DIMENSIONS:
-        raise SkillError(f"the decoder is of {d} latent dimensions; it must be of {' or '.join(map(str, _DIMENSIONS))}")
+    if not 1 <= d <= LARGEST_DIMENSION:
+        raise SkillError(f"the decoder is of {d} latent dimensions; it must be of 1 to {LARGEST_DIMENSION}")
     if space.has_joints and decoder.joints != joints:
         raise SkillError(f"the decoder is of {decoder.joints} joints; the robot has {joints}")
     encoder = _with_prefix(weights, "encoder.")

@@ -23,7 +23,6 @@ from typing import Any
 import numpy as np
 
 from geodesic_motion_ros.manifold.configuration_graph import ConfigurationGraph, build_configuration_graph
-from geodesic_motion_ros.manifold.grid import LatentGrid
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.utils.cache import PACKAGE, cache_folder, machine
 from geodesic_motion_ros.utils.checked_files import opened, read_arrays
@@ -74,9 +73,7 @@ def _read(file: Path, recipe: Mapping[str, Any]) -> ConfigurationGraph | None:
         with opened(file, LARGEST_CACHE) as stream:
             # Kernels are compiled for arrays that can be written to.
             arrays = {name: array.copy(order="K") for name, array in read_arrays(stream).items()}
-        grid = LatentGrid(recipe["lower"], recipe["upper"], recipe["shape"])
-        rest = {name: recipe[name] for name in ("decoder", "metric", "robot", "body", "sigma_limit", "energy_limit")}
-        graph = ConfigurationGraph.from_arrays(arrays, grid=grid, **rest)
+        graph = ConfigurationGraph.from_arrays(arrays, recipe)
     except (OSError, FileError, KeyError):
         return None
     with suppress(OSError):

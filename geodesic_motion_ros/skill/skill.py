@@ -29,6 +29,7 @@ from geodesic_motion_ros.manifold.decoder import TaskSpaceDecoder
 from geodesic_motion_ros.manifold.joint_decoder import JointSpaceDecoder
 from geodesic_motion_ros.manifold.mean_path import MeanPaths
 from geodesic_motion_ros.manifold.pose_graph import MetricSettings, PoseGraph
+from geodesic_motion_ros.manifold.sampled_nodes import NEIGHBOURS as NEAREST
 from geodesic_motion_ros.robot.description import DEFAULT_ROBOT, shipped_robots
 from geodesic_motion_ros.skill.description import (
     DESCRIPTION,
@@ -47,12 +48,13 @@ from geodesic_motion_ros.utils.checked_files import PlainDumper, brief
 from geodesic_motion_ros.utils.errors import GeodesicMotionError, SkillError
 from geodesic_motion_ros.utils.shared_files import find_shared
 
-#: The graphs that energy_per_edge is calibrated on, and the default ones, by the latent dimension.
-GRID_SHAPES = {2: (100, 100), 3: (50, 50, 50)}
+#: The grids that energy_per_edge is calibrated on, and the default ones, by the latent dimension: of more, nodes are
+#: sampled.
+GRID_SHAPES = {1: (1000,), 2: (100, 100), 3: (50, 50, 50)}
 #: The same of a closed skill, along one round: of three rounds the graph is not much larger.
 ROUND_SHAPES = {2: (100, 100), 3: (34, 25, 25)}
-#: Directions per node of the default graphs.
-NEIGHBOURS = {2: 16, 3: 26}
+#: Directions per node of the default grids.
+NEIGHBOURS = {1: 2, 2: 16, 3: 26}
 #: The support ends where rms sigma exceeds this multiple of its 99th percentile on the demonstrations.
 SUPPORT_MULTIPLE = 5.0
 #: Ends of a path are chosen closer to the demonstrations than the rim of the support.
@@ -124,11 +126,11 @@ class LearnedModel:
         return float(self.decoder.period) if self.decoder.is_closed else None
 
     @property
-    def grid_shape(self) -> tuple[int, ...]:
-        """That of the default graph: of GRID_SHAPES, or ROUND_SHAPES."""
+    def grid_shape(self) -> tuple[int, ...] | None:
+        """That of the default graph: of GRID_SHAPES, or ROUND_SHAPES; None: its nodes are sampled."""
         dimension = len(self.latent_lower)
         if self.period is None:
-            return GRID_SHAPES[dimension]
+            return GRID_SHAPES.get(dimension)
         shape = ROUND_SHAPES[dimension]
         along = shape[0] * (self.latent_upper[0] - self.latent_lower[0]) / self.period
         return (1 + round(along), *shape[1:])
@@ -136,8 +138,8 @@ class LearnedModel:
     def graph(
         self, shape: tuple[int, ...] | None = None, neighbours: int | None = None
     ) -> PoseGraph | ConfigurationGraph:
-        """Decode the latent box into its graph, by default that of GRID_SHAPES and NEIGHBOURS: for a large one seconds,
-        which a skill takes once (`read_or_build_graph`).
+        """Decode the latent box into its graph, by default that of GRID_SHAPES and NEIGHBOURS, or of sampled nodes:
+        for a large one seconds, which a skill takes once (`read_or_build_graph`).
 
         Raises
         ------
@@ -150,7 +152,8 @@ class LearnedModel:
 
     def _graph(self, shape: tuple[int, ...] | None, neighbours: int | None) -> PoseGraph | ConfigurationGraph:
         dimension = len(self.latent_lower)
-        shape, neighbours = shape or self.grid_shape, neighbours or NEIGHBOURS[dimension]
+        shape = shape or self.grid_shape
+        neighbours = neighbours or NEIGHBOURS.get(dimension, NEAREST)
         recipe = {
             "decoder": self.decoder, "codes": self.codes, "lower": self.latent_lower, "upper": self.latent_upper,
             "metric": self.metric, "sigma_limit": self.sigma_limit, "shape": shape, "neighbours": neighbours,
@@ -162,7 +165,7 @@ class LearnedModel:
         """The graph of a recipe, as of `build_configuration_graph`."""
         return build_configuration_graph(**recipe)
 
-    def _energy_limit(self, shape: tuple[int, ...]) -> float:
+    def _energy_limit(self, shape: tuple[int, ...] | None) -> float:
         """Largest squared length of one edge that a path may have: none yet, it is calibrated on the graph itself."""
         return math.inf
 
@@ -212,9 +215,12 @@ class Skill(LearnedModel):
         """That of a trained skill is kept for the next program."""
         return read_or_build_graph(self.name, recipe)
 
-    def _energy_limit(self, shape: tuple[int, ...]) -> float:
+    def _energy_limit(self, shape: tuple[int, ...] | None) -> float:
         """energy_per_edge for edges of another grid: squared lengths grow with the square of the spacing."""
-        coarser = max((reference - 1) / (side - 1) for reference, side in zip(self.grid_shape, shape, strict=False))
+        calibrated = self.grid_shape
+        if shape is None or calibrated is None:
+            return self.energy_per_edge
+        coarser = max((reference - 1) / (side - 1) for reference, side in zip(calibrated, shape, strict=False))
         return self.energy_per_edge * max(1.0, coarser**2)
 
     def save(self, folder: str | os.PathLike[str]) -> Path:

@@ -25,6 +25,8 @@ LARGEST_TURN = 4.0 * np.pi
 LARGEST_WEIGHT, SMALLEST_SCALE = 1e9, 1e-9
 """Of a network. The largest of the shipped skills are those of kappa, 1e5, the smallest scale is 0.1: a hundred times
 more precise demonstrations of a thousandth of the size stay far inside, and products of them do not overflow."""
+LARGEST_DIMENSION = 6
+"""Of a latent space."""
 LARGEST_CODE, SMALLEST_BOX = 1e3, 1e-6
 """Codes are drawn towards a normal distribution of variance 1 and lie within 5 of the origin. In a smaller box the
 steps that derivatives are taken over drown in rounding."""

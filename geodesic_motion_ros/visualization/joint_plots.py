@@ -41,6 +41,7 @@ from geodesic_motion_ros.visualization.plots import (
     Sphere,
     draw_in_space,
     legend_below,
+    shown_axes,
     write_figure,
 )
 
@@ -169,6 +170,7 @@ def draw_latent_tubes(
     """
     skill, graph = planner.skill, planner.graph
     solid = len(skill.latent_lower) == 3
+    shown = np.arange(3) if solid else shown_axes(skill)
     at = place if isinstance(place, tuple) else (place,)
     axes = figure.add_subplot(*at, **({"projection": "3d", "computed_zorder": False} if solid else {}))
     handles: list[Line2D | Patch] = []
@@ -176,26 +178,27 @@ def draw_latent_tubes(
         _wall(axes, planner)
         handles.append(Patch(facecolor=_WALL, alpha=0.5, label="end of the support"))
     else:
-        _magnification(figure, axes, graph)
+        _magnification(figure, axes, graph, shown)
     if obstacles:
         colliding = np.any([colliding_nodes(planner, obstacle) for obstacle in obstacles], axis=0)
-        axes.scatter(*graph.latent[colliding].T, s=9, color=ORANGE, alpha=0.5, linewidths=0.0, zorder=3)
+        axes.scatter(*graph.latent[colliding][:, shown].T, s=9, color=ORANGE, alpha=0.5, linewidths=0.0, zorder=3)
         handles.append(Patch(facecolor=ORANGE, alpha=0.6, label="the arm would touch the obstacle"))
     modes = np.zeros(len(skill.codes), dtype=int) if skill.canonical is None else skill.canonical.modes
     for code, mode in zip(skill.codes, modes, strict=True):
-        axes.plot(*code.T, color=FAMILY_COLOURS[mode], linewidth=0.9, alpha=0.9, zorder=4)
+        axes.plot(*code[:, shown].T, color=FAMILY_COLOURS[mode], linewidth=0.9, alpha=0.9, zorder=4)
     for mode in np.unique(modes):
         said = "demonstrations" if modes.max() == 0 else f"demonstrations, family {mode}"
         handles.append(Line2D([], [], color=FAMILY_COLOURS[mode], linewidth=1.2, label=said))
     named: dict[str, Line2D | Patch] = {}
     for drawn in paths:
-        axes.plot(*drawn.latent.T, color="white", linewidth=4.0, zorder=5)
+        latent = drawn.latent[:, shown]
+        axes.plot(*latent.T, color="white", linewidth=4.0, zorder=5)
         (named[drawn.name],) = axes.plot(
-            *drawn.latent.T, drawn.style, color=drawn.colour, linewidth=2.4, label=drawn.name, zorder=6
+            *latent.T, drawn.style, color=drawn.colour, linewidth=2.4, label=drawn.name, zorder=6
         )
-        axes.plot(*drawn.latent[0, :, None], "o", color=drawn.colour, markersize=6, markeredgecolor="white", zorder=7)
-        axes.plot(*drawn.latent[-1, :, None], "s", color=drawn.colour, markersize=6, markeredgecolor="white", zorder=7)
-    _frame(axes, skill, solid, zoom)
+        axes.plot(*latent[0, :, None], "o", color=drawn.colour, markersize=6, markeredgecolor="white", zorder=7)
+        axes.plot(*latent[-1, :, None], "s", color=drawn.colour, markersize=6, markeredgecolor="white", zorder=7)
+    _frame(axes, skill, shown, zoom)
     axes.set_title(title, loc="left", fontsize=11)
     return [*handles, *named.values()]
 
@@ -204,11 +207,11 @@ def _listed(obstacle: Sphere | None) -> list[Sphere]:
     return [] if obstacle is None else [obstacle]
 
 
-def _frame(axes: Axes, skill: Skill, solid: bool, zoom: float) -> None:
-    for name, low, high in zip("xyz", skill.latent_lower, skill.latent_upper, strict=False):
-        getattr(axes, f"set_{name}lim")(low, high)
-        getattr(axes, f"set_{name}label")(f"$z_{'xyz'.index(name) + 1}$")
-    if solid:
+def _frame(axes: Axes, skill: Skill, shown: np.ndarray, zoom: float) -> None:
+    for name, axis in zip("xyz", shown, strict=False):
+        getattr(axes, f"set_{name}lim")(skill.latent_lower[axis], skill.latent_upper[axis])
+        getattr(axes, f"set_{name}label")(f"$z_{axis + 1}$")
+    if len(shown) == 3:
         axes.view_init(24.0, -62.0)
         axes.set_proj_type("ortho")
         sides = skill.latent_upper - skill.latent_lower
@@ -219,11 +222,13 @@ def _frame(axes: Axes, skill: Skill, solid: bool, zoom: float) -> None:
             axis.set_major_locator(MaxNLocator(max(2, round(4 * side / np.max(sides)))))
 
 
-def _magnification(figure: Figure, axes: Axes, graph: ConfigurationGraph) -> None:
-    """The nodes of a two-dimensional latent space by their magnification factor."""
+def _magnification(figure: Figure, axes: Axes, graph: ConfigurationGraph, shown: np.ndarray) -> None:
+    """The nodes by their magnification factor, on two axes of the latent space."""
     values = joint_magnification_factor(graph)
     low, high = np.percentile(values, [2.0, 98.0])
-    drawn = axes.scatter(*graph.latent.T, c=values, s=14, marker="s", cmap="Greys", vmin=low, vmax=high, linewidths=0.0)
+    drawn = axes.scatter(
+        *graph.latent[:, shown].T, c=values, s=14, marker="s", cmap="Greys", vmin=low, vmax=high, linewidths=0.0
+    )
     figure.colorbar(drawn, ax=axes, label=r"magnification factor  $\log\sqrt{\det M(z)}$", shrink=0.9, pad=0.02)
 
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -141,11 +141,8 @@ def training_report(skill: Skill, path: str | os.PathLike[str]) -> None:
     """What a training has led to: the latent space with geodesics and, beside them, the Euclidean line.
 
     Left the latent space, right the same curves decoded. Geodesics run from the first code of every demonstration to
-    the last; one of them has the straight latent line beside it.
-
-    Raises
-    ------
-    PlanningError : the skill's latent space has not two dimensions.
+    the last; one of them has the straight latent line beside it. Where there are not two dimensions the latent space is
+    seen along all axes but `shown_axes`, and stands there as the nodes of its graph.
     """
     planner = PosePathPlanner(skill)
     codes = demonstrations_of(skill)
@@ -156,22 +153,43 @@ def training_report(skill: Skill, path: str | os.PathLike[str]) -> None:
     chosen = geodesics[int(np.argmax(bend))] if geodesics else codes[0]
     line = chosen[0] + share * (chosen[-1] - chosen[0])
     figure = Figure(figsize=(11.5, 5.2), layout="constrained")
+    shown = shown_axes(skill)
     paths = [DrawnPath(latent, skill.decoder.decode(latent).positions, "geodesics", BLUE) for latent in geodesics]
     paths.append(DrawnPath(line, skill.decoder.decode(line).positions, "straight latent line", VERMILION, "--"))
-    if skill.period is None:
-        axes = figure.add_subplot(1, 2, 1)
-        handles = latent_background(figure, axes, skill)
-        handles += draw_latent_paths(axes, paths)
-        _frame_codes(axes, skill, np.concatenate([*codes, line, *geodesics]))
-    else:
+    if skill.period is not None and len(skill.latent_lower) == 2:
         axes = figure.add_subplot(1, 2, 1, projection="3d", computed_zorder=False)
         handles = draw_cylinder(figure, axes, skill, paths)
+    else:
+        axes = figure.add_subplot(1, 2, 1)
+        flat = len(skill.latent_lower) == 2
+        handles = latent_background(figure, axes, skill) if flat else _nodes_background(figure, axes, planner)
+        handles += draw_latent_paths(axes, [replace(path, latent=path.latent[:, shown]) for path in paths])
+        _frame_codes(axes, skill, np.concatenate([*codes, line, *geodesics])[:, shown], shown)
     axes.set_title(f"Latent space of {skill.name}", loc="left", fontsize=11)
     space = figure.add_subplot(1, 2, 2, projection="3d", computed_zorder=False)
     draw_in_space(space, [skill.decoder.decode(code).positions for code in codes], paths, zoom=0.9)
     space.set_title("The same curves, decoded", loc="left", fontsize=11)
     legend_below(figure, handles)
     write_figure(figure, path)
+
+
+def shown_axes(skill: Skill) -> np.ndarray:
+    """Choose the two axes (2,) of a latent space along which the codes vary most; of one dimension that one twice."""
+    spread = np.ptp(skill.codes.reshape(-1, skill.codes.shape[-1]), axis=0)
+    return np.sort(np.argsort(spread)[-2:]) if len(spread) > 1 else np.zeros(2, dtype=int)
+
+
+def _nodes_background(figure: Figure, axes: Axes, planner: PosePathPlanner) -> list[Line2D | Patch]:
+    """The nodes of a graph by their sigma, the surest last, with demonstrations, on the axes that are shown."""
+    skill, graph = planner.skill, planner.graph
+    shown, order = shown_axes(skill), np.argsort(-graph.sigma)
+    at, sigma = graph.latent[order][:, shown], 1e3 * graph.sigma[order]
+    drawn = axes.scatter(*at.T, c=sigma, s=6, cmap="Greys", linewidths=0.0)
+    figure.colorbar(drawn, ax=axes, label="sigma of the nodes [mm]", shrink=0.9, pad=0.02)
+    for code in skill.codes:
+        axes.plot(*code[:, shown].T, color=GREY, linewidth=0.9)
+    axes.set(xlabel=f"$z_{shown[0] + 1}$", ylabel=f"$z_{shown[1] + 1}$")
+    return [Line2D([], [], color=GREY, linewidth=0.9, label="demonstrations")]
 
 
 def _geodesic(planner: PosePathPlanner, code: np.ndarray) -> np.ndarray | None:
@@ -265,11 +283,12 @@ def draw_latent_paths(axes: Axes, paths: Sequence[DrawnPath]) -> list[Line2D | P
     return list(handles.values())
 
 
-def _frame_codes(axes: Axes, skill: Skill, codes: np.ndarray) -> None:
-    """Show the part of the box that holds the codes, with a margin."""
+def _frame_codes(axes: Axes, skill: Skill, codes: np.ndarray, shown: Sequence[int] | np.ndarray = (0, 1)) -> None:
+    """Show the part of the box that holds codes (n, 2) of the axes that are shown, with a margin."""
     lower, upper = codes.min(axis=0), codes.max(axis=0)
-    margin = 0.14 * (upper - lower)
-    lower, upper = np.maximum(lower - margin, skill.latent_lower), np.minimum(upper + margin, skill.latent_upper)
+    margin, own = 0.14 * (upper - lower), list(shown)
+    lower = np.maximum(lower - margin, skill.latent_lower[own])
+    upper = np.minimum(upper + margin, skill.latent_upper[own])
     axes.set_xlim(lower[0], upper[0])
     axes.set_ylim(lower[1], upper[1])
 

@@ -20,6 +20,7 @@ from geodesic_motion_ros.planning.planner import ReactivePlanner
 from geodesic_motion_ros.skill.skill import Skill
 from geodesic_motion_ros.trajectory.trajectory import JointReference
 from geodesic_motion_ros.utils.tables import Cell
+from geodesic_motion_ros.visualization.dimensions import draw_dimensions
 from geodesic_motion_ros.visualization.html_page import cards, figure, heading, listed, note, page, table
 from geodesic_motion_ros.visualization.largest_sphere import LARGEST, STEP, SpherePlaces, find_largest_passed
 from geodesic_motion_ros.visualization.passed_spheres import draw_passed_spheres
@@ -78,7 +79,7 @@ def report_page(
     sections = (
         ("skill", "The skill", _skill(planner)),
         ("recordings", "Recordings", recordings_section(skill, recording)),
-        ("latent", "Latent space", figure(latent_picture, _LATENT[skill.space])),
+        ("latent", "Latent space", _latent(skill, latent_picture)),
         ("tubes", "Tubes", tubes),
         ("held-out", "Held-out demonstrations", held_out_section(skill)),
         ("spheres", "Largest sphere that is passed", spheres),
@@ -198,6 +199,18 @@ def recordings_section(skill: Skill, recording: Recording | None) -> str:
         table(head, rows) + heading("What was found, and done about it")
         + table(("in", "at [s]", "found", "done"), flaws) + (figure(picture, caption) if takes else "")
     )  # fmt: skip
+
+
+def _latent(skill: Skill, picture: bytes) -> str:
+    """The latent space; below it how many dimensions it has, where the data chose them."""
+    drawn, compared = figure(picture, _LATENT[skill.space]), skill.provenance.get("dimension")
+    if not isinstance(compared, Mapping):
+        return drawn
+    caption = (
+        "Errors with which held-out demonstrations are given back, over the number of latent dimensions, each with one "
+        "standard error. The smallest within one standard error of the best, filled, was chosen."
+    )
+    return drawn + figure(_drawn(lambda path: draw_dimensions(path, compared)), caption)
 
 
 def _tubes(skill: Skill, motion: JointReference) -> str:

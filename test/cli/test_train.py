@@ -117,6 +117,36 @@ def test_densities_are_chosen_and_the_papers_are_not_changed(recording, tmp_path
     assert "schedule joint learns diagonal and von_mises_fisher densities alone" in capsys.readouterr().err
 
 
+@pytest.mark.parametrize("dimension", ["1", "4"])
+def test_it_learns_in_as_many_dimensions_as_it_is_asked_to(recording, tmp_path, dimension) -> None:
+    folder = tmp_path / "skill"
+    arguments = ["train", "--demos", str(recording), "--units", "cm", "--out", str(folder), *BRIEFLY]
+    assert main([*arguments, "--latent", dimension]) in WRITTEN
+    assert len(Skill.load(folder).latent_lower) == int(dimension)
+    assert (folder / "report.png").read_bytes().startswith(b"\x89PNG")
+    assert main(["inspect", str(folder), "--picture", str(tmp_path / "again.png")]) == 0
+
+
+def test_the_data_choose_the_dimension_and_the_skill_keeps_why(recording, tmp_path, capsys) -> None:
+    folder = tmp_path / "skill"
+    arguments = ["train", "--demos", str(recording), "--units", "cm", "--out", str(folder), *BRIEFLY]
+    assert main([*arguments, "--latent", "auto"]) in WRITTEN
+    said, skill = capsys.readouterr().out, Skill.load(folder)
+    compared = skill.provenance["dimension"]
+    assert compared["dimensions"] == [1, 2, 3, 4, 5, 6]
+    assert len(skill.latent_lower) == compared["chosen"] == skill.provenance["settings"]["latent_dimension"]
+    assert said.index("choosing the latent dimension") < said.index(f"chosen: {compared['chosen']}")
+    assert "over the number of latent dimensions" in (folder / "report.html").read_text()
+
+
+def test_a_number_of_dimensions_that_is_none_is_refused(recording, tmp_path, capsys) -> None:
+    arguments = ["train", "--demos", str(recording), "--units", "cm", "--out", str(tmp_path / "no")]
+    for wrong in ("0", "7", "many"):
+        with pytest.raises(SystemExit):
+            main([*arguments, "--latent", wrong])
+        assert "from 1 to 6, nor auto" in capsys.readouterr().err
+
+
 def test_inspect_shows_what_the_skill_holds(trained, tmp_path, capsys) -> None:
     described, picture = tmp_path / "reach.json", tmp_path / "reach.png"
     assert main(["inspect", str(trained[0]), "--json", str(described), "--picture", str(picture)]) == 0

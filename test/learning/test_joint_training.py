@@ -13,9 +13,11 @@ from geodesic_motion_ros.learning.likelihoods import ConfigurationLikelihood, bo
 from geodesic_motion_ros.learning.settings import JointTrainingSettings
 from geodesic_motion_ros.learning.shown_task import ShownConfigurations
 from geodesic_motion_ros.learning.training import train_model, train_skill
+from geodesic_motion_ros.manifold import sampled_nodes
 from geodesic_motion_ros.manifold.configuration_graph import JointMetricSettings
 from geodesic_motion_ros.manifold.latent_graph import connected_pieces
 from geodesic_motion_ros.robot.kinematics import Robot
+from geodesic_motion_ros.skill import kept_graph
 from geodesic_motion_ros.utils.errors import ParameterError, SkillError
 
 ROBOT = Robot.named("panda")
@@ -164,7 +166,7 @@ def test_of_a_literal_model_the_support_need_not_join_the_ends(reach_skill) -> N
     [
         ({"sheet": "flat"}, "sheet is 'flat'; it must be one of canonical, raw"),
         ({"schedule": "paper"}, "schedule is 'paper'; it must be one of two_stage, joint"),
-        ({"latent_dimension": 6}, "latent_dimension is 6; configurations are learned in 2 to 5"),
+        ({"latent_dimension": 7}, "latent_dimension is 7; a latent space has 1 to 6"),
         ({"hidden": (10,)}, "hidden has 1 layers"),
         ({"steps": 0}, "must be positive and finite: steps"),
         ({"far_sigma": 0.05}, "far_sigma is 0.05; it must be more than fixed_sigma"),
@@ -178,6 +180,22 @@ def test_wrong_settings_are_named(changes, words) -> None:
         JointTrainingSettings(**changes)
 
 
-def test_a_skill_of_more_dimensions_than_its_graph_can_have_is_refused(reach_demonstrations) -> None:
-    with pytest.raises(ParameterError, match="a skill's graph has 2 or 3"):
-        train_skill(reach_demonstrations, replace(IN_NO_TIME, latent_dimension=4))
+def test_the_graph_of_a_skill_of_four_dimensions_is_kept_to_the_last_bit(
+    reach_demonstrations, tmp_path, monkeypatch
+) -> None:
+    """And edges that bend are longer than their chords."""
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path / "cache"))
+    monkeypatch.setattr(kept_graph, "SMALLEST", 1)
+    monkeypatch.setattr(sampled_nodes, "MOST_NODES", 400)
+    settings = replace(IN_NO_TIME, latent_dimension=4, steps=300, hidden=(64, 32), samples=60, kernels=60)
+    skill = train_skill(reach_demonstrations, settings)
+    made, read = skill.graph(), skill.graph()
+    assert len(list((tmp_path / "cache" / "graphs").iterdir())) > 0
+    for name, array in made.arrays().items():
+        assert array.tobytes() == read.arrays()[name].tobytes(), name
+    for one, other in zip(*(graph.progress_map(made.latent[:5]) for graph in (made, read)), strict=True):
+        np.testing.assert_array_equal(one, other)
+    chords = replace(made, _bends=np.ones(len(made.edges)))
+    longer = ShownConfigurations.energies(made) / ShownConfigurations.energies(chords)
+    assert longer.min() >= 1.0 - 1e-9
+    assert longer.max() > 1.0

@@ -260,7 +260,7 @@ def test_planar_recordings_without_orientation_give_one_cluster(demonstrations):
         ({"blends": -1}, "blends"),
         ({"schedule": "paper"}, "two_stage"),
         ({"hidden": (200,)}, "exactly 2"),
-        ({"latent_dimension": 1}, "2 or 3"),
+        ({"latent_dimension": 0}, "latent_dimension is 0; a latent space has 1 to 6"),
         ({"steps": 0}, "steps"),
         ({"fixed_sigma": float("nan")}, "fixed_sigma"),
         ({"far_kappa": -1.0}, "far_kappa"),
@@ -273,3 +273,9 @@ def test_planar_recordings_without_orientation_give_one_cluster(demonstrations):
 def test_impossible_settings_are_refused(wrong, match):
     with pytest.raises(ParameterError, match=match):
         TrainingSettings(**wrong)
+
+
+@pytest.mark.parametrize(("changes", "match"), [({"sheet": "raw"}, "canonical sheet"), ({"latent_dimension": 4}, "2 or 3")])
+def test_rounds_are_learned_on_the_canonical_sheet_in_two_dimensions_or_three(changes, match) -> None:
+    with pytest.raises(ParameterError, match=match):
+        TrainingSettings(closed=True, **changes)

@@ -167,11 +167,12 @@ def test_the_gradient_is_that_of_the_energy_and_the_hessian_is_positive(shape, n
     curve = field.coordinates(np.linspace(-0.7, 0.63, count + 1)[:, None] * np.ones(d))
     curve += 0.2 * scene.random.normal(size=curve.shape)
     weights, nearest = scene.random.uniform(0.5, 2.0, count), np.full((count, 1), 40)
+    nodes = np.full(count, -1)
     rest = [np.empty(count) for _ in range(3)]
     blocks = np.empty((count + 1, d)), np.empty((count + 1, d, d)), np.empty((count, d, d))
 
     def energy(points: np.ndarray) -> float:
-        return _assemble(field, evaluation, points, weights, nearest, *rest, *blocks)
+        return _assemble(field, evaluation, points, weights, nearest, nodes, *rest, *blocks)
 
     energy(curve)
     gradient, diagonal, beside = (block.copy() for block in blocks)
