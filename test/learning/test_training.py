@@ -275,7 +275,9 @@ def test_impossible_settings_are_refused(wrong, match):
         TrainingSettings(**wrong)
 
 
-@pytest.mark.parametrize(("changes", "match"), [({"sheet": "raw"}, "canonical sheet"), ({"latent_dimension": 4}, "2 or 3")])
+@pytest.mark.parametrize(
+    ("changes", "match"), [({"sheet": "raw"}, "canonical sheet"), ({"latent_dimension": 4}, "2 or 3")]
+)
 def test_rounds_are_learned_on_the_canonical_sheet_in_two_dimensions_or_three(changes, match) -> None:
     with pytest.raises(ParameterError, match=match):
         TrainingSettings(closed=True, **changes)
