@@ -2,7 +2,7 @@
 
 Models of one dimension and more are trained on all demonstrations but those of a fold, fold after fold, and give those
 back. Of the dimensions whose mean error is within one standard error of the best the smallest is chosen (L. Breiman,
-J. Friedman, R. Olshen and C. Stone, "Classification and Regression Trees", 1984, section 3.4.3: the 1 SE rule). What a
+J. Friedman, R. Olshen and C. Stone, "Classification and Regression Trees", 1984: the 1 SE rule). What a
 demonstration is given back by is its own code: so the error falls as long as another dimension holds what people vary
 in, and then no more.
 """

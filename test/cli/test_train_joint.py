@@ -132,7 +132,7 @@ def test_the_papers_model_is_learned_and_what_is_given_beside_it_counts(joint_re
 
 def test_options_of_joints_are_refused_for_poses(recording, tmp_path, capsys) -> None:
     given = ["--demos", str(recording), "--units", "cm", "--out", str(tmp_path / "s")]
-    for option, value in (("--joint-weight", "0.1"), ("--latent-dimension", "3")):
+    for option, value in (("--joint-weight", "0.1"), ("--volume-weight", "0.1")):
         assert main(["train", *given, option, value]) == 2
         assert f"{option} is for recordings of joints" in capsys.readouterr().err
 
