@@ -536,10 +536,18 @@ class QueryBuilder(ABC, Generic[Output]):
     def _on_round(self, poles: list[Pole[Output]], requested: Output) -> End[Output]:
         """Where rounds pass nearest to an output, between two poles: a step along it would be carried on all around.
         """
+        assert self._rounds is not None
+        begin = self._skill.codes[:, 0].mean(axis=0)
+        rounds = [self._rounds.rounds_to(begin, pole.latent) for pole in poles]
+        pole = poles[int(np.argmin([abs(left - round(left)) for left in rounds]))]
+        first, spread = self._at_pole(pole, requested), np.sqrt(np.mean(np.sum(pole.demonstrated**2, axis=1)))
+        if first.misfit < spread:
+            # It lies among the beginnings that were demonstrated, or hardly beside them.
+            return first
         means = [np.stack(values) for values in zip(*(self._values(pole.mean) for pole in poles), strict=True)]
         apart = np.linalg.norm(self._scale * self._offsets_of(requested, means), axis=1)
-        nearest = self._nearest_pass(poles, apart)
-        pole, near = poles[nearest], self._graph.grid.step * 2.0
+        nearest = self._nearest_pass(poles, apart, rounds)
+        pole, near = poles[nearest], 3.0 * self._graph.grid.step
         end = self._at_pole(pole, requested)
         # Those of a mode stand in their order.
         beside = [
@@ -557,17 +565,15 @@ class QueryBuilder(ABC, Generic[Output]):
         beyond = beyond_demonstrated(task_offset, pole.demonstrated, self._scale)
         return End(latent, pole.node, decoded, requested, offset, beyond, task_offset)
 
-    def _nearest_pass(self, poles: list[Pole[Output]], apart: np.ndarray) -> int:
+    def _nearest_pass(self, poles: list[Pole[Output]], apart: np.ndarray, rounds: list[float]) -> int:
         """The number of the pole that is nearest, apart (P,) as of `_apart`. Where rounds cross themselves, and pass
-        nearly as near twice, the one nearer to where demonstrations began.
+        nearly as near twice, the one nearer to where demonstrations began, so many rounds before.
         """
         nearest = int(np.argmin(apart))
-        assert self._rounds is not None
         spread = np.sqrt(np.mean(np.sum((self._scale * poles[nearest].demonstrated) ** 2, axis=1)))
         passes = np.flatnonzero((apart <= np.roll(apart, 1)) & (apart <= np.roll(apart, -1)))
         passes = passes[apart[passes] <= apart[nearest] + spread]
-        begin = self._skill.codes[:, 0].mean(axis=0)
-        since = [self._rounds.rounds_to(begin, poles[number].latent) for number in passes]
+        since = np.array(rounds)[passes]
         return int(passes[np.argmin(np.abs(since - np.round(since)))])
 
     def _apart(self, one: Output, other: Output) -> float:

@@ -52,7 +52,7 @@ from geodesic_motion_ros.utils.shared_files import find_shared
 #: sampled.
 GRID_SHAPES = {1: (1000,), 2: (100, 100), 3: (50, 50, 50)}
 #: The same of a closed skill, along one round: of three rounds the graph is not much larger.
-ROUND_SHAPES = {2: (100, 100), 3: (34, 25, 25)}
+ROUND_SHAPES = {2: (200, 60), 3: (34, 25, 25)}
 #: Directions per node of the default grids.
 NEIGHBOURS = {1: 2, 2: 16, 3: 26}
 #: The support ends where rms sigma exceeds this multiple of its 99th percentile on the demonstrations.
