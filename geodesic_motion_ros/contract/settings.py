@@ -154,7 +154,7 @@ SAME_TASK_JOINTS = 0.05
 SAME_ROUND = 1e-3
 #: A round is joined to the next where that is as smooth as the rounds, until this share of it is left; then anyhow.
 LAST_JOIN = 0.2
-#: A motion is joined to the one before within this time [s].
+#: A motion that was joined to another one begins: its first part of this time [s].
 JOIN_LASTS = 0.05
 #: A goal pose is searched from this many of the nearest nodes where the demonstrations have no common ends.
 NEAREST_POSES = 3

@@ -171,7 +171,9 @@ class PoseForm(CanonicalForm):
         self.start_offsets, self.goal_offsets = offsets_between(self.start, *firsts), offsets_between(self.goal, *lasts)
         if self.closed:
             moved = curves[0] - curves[0].mean(axis=0)
-            both = np.concatenate([moved, RotationCurves.of(curves[1]).turns], axis=-1).mean(axis=1)
+            moved = np.concatenate([moved, RotationCurves.of(curves[1]).turns], axis=-1)
+            # The last sample is the first.
+            both = moved[:, :-1].mean(axis=1)
             self.goal, self.start_offsets, self.goal_offsets = self.start, both, both
         _refuse_strange_poses(self.names, "starts", self.start_offsets, lengths)
         _refuse_strange_poses(self.names, "ends", self.goal_offsets, lengths)
@@ -234,7 +236,7 @@ class ConfigurationForm(CanonicalForm):
         self.start_groups, self.start_poles, self.start_offsets = _group_ends(curves[0][:, 0])
         self.goal_groups, self.goal_poles, self.goal_offsets = _group_ends(curves[0][:, -1])
         if self.closed:
-            self.start_offsets = self.goal_offsets = (curves[0] - curves[0].mean(axis=0)).mean(axis=1)
+            self.start_offsets = self.goal_offsets = (curves[0] - curves[0].mean(axis=0))[:, :-1].mean(axis=1)
             self.start_groups = self.goal_groups = np.zeros(len(curves[0]), dtype=int)
             self.start_poles = self.goal_poles = curves[0][:, 0].mean(axis=0)[None]
         for verb, offsets in (("starts", self.start_offsets), ("ends", self.goal_offsets)):

@@ -9,14 +9,12 @@ from typing import TYPE_CHECKING, Any, Literal
 
 from geodesic_motion_ros.manifold.configuration_graph import JointMetricSettings
 from geodesic_motion_ros.manifold.pose_graph import MetricSettings
-from geodesic_motion_ros.utils.checked_numbers import LARGEST_DIMENSION, SMALLEST_SCALE
+from geodesic_motion_ros.utils.checked_numbers import LARGEST_DIMENSION, ROUND_DIMENSIONS, SMALLEST_SCALE
 from geodesic_motion_ros.utils.errors import ParameterError
 
 if TYPE_CHECKING:
     from geodesic_motion_ros.learning.autoencoder import OrientationModel
 
-#: Latent dimensions of a closed skill: the graph of its rounds is a grid.
-ROUND_DIMENSIONS = (2, 3)
 #: The paper has no term of the joints alone; so little is none, and keeps every tensor positive [m].
 _NO_JOINT_WEIGHT = 1e-6
 #: Of positions and orientations, in the paper.

@@ -82,7 +82,6 @@ class LatentGraph:
         distances = _squared_distances(candidates, self.latent, np.asarray(latent, dtype=float), self.grid.spacing)
         return candidates[np.argsort(distances, kind="stable")]
 
-
     @cached_property
     def sampled(self) -> tuple[np.ndarray, np.ndarray] | None:
         """What a `MetricField` wants of sampled nodes; None of a grid."""

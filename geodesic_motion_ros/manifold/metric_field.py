@@ -272,6 +272,30 @@ def _squared_distance(point: np.ndarray, places: np.ndarray, i: int) -> float:
     return squared
 
 
+@numba.njit(cache=True, nogil=True, inline="always")
+def _add_node(
+    node: int,
+    weight: float,
+    tensors: np.ndarray,
+    evaluation: NodeEvaluation,
+    tensor: np.ndarray,
+    slopes: np.ndarray,
+    lean: np.ndarray,
+    derived: bool,
+) -> None:
+    """Add a node's tensor among obstacles to a weighted sum (T,), and by lean[0] (d,) to its slopes (d, T)."""
+    factors, affected = evaluation.factors, evaluation.affected
+    for j in range(len(tensor)):
+        value = tensors[node, 0, j]
+        if affected[node]:
+            for k in range(factors.shape[1]):
+                value += (factors[node, k] - 1.0) * tensors[node, 1 + k, j]
+        tensor[j] += weight * value
+        if derived:
+            for a in range(slopes.shape[0]):
+                slopes[a, j] += lean[0, a] * value
+
+
 @numba.njit(cache=True, nogil=True)
 def _tensor_beside(
     point: np.ndarray,
@@ -285,9 +309,7 @@ def _tensor_beside(
 ) -> tuple[float, float]:
     """`tensor_at` among sampled nodes. The share of support is exp(-|z - z_c|^2 / _FADING) of the nearest node."""
     places, beside, tensors = field.places, field.beside, field.tensors
-    factors, affected, clearance, within = (
-        evaluation.factors, evaluation.affected, evaluation.clearance, evaluation.within,
-    )  # fmt: skip
+    clearance, within = evaluation.clearance, evaluation.within
     rows, columns, d, packed = field.rows, field.columns, places.shape[1], len(tensor)
     least = _squared_distance(point, places, nearest)
     total, room = 0.0, 0.0
@@ -306,15 +328,7 @@ def _tensor_beside(
             for a in range(d):
                 lean[0, a] = 2.0 * weight * (places[node, a] - point[a])
                 lean[1, a] += lean[0, a]
-        for j in range(packed):
-            value = tensors[node, 0, j]
-            if affected[node]:
-                for k in range(factors.shape[1]):
-                    value += (factors[node, k] - 1.0) * tensors[node, 1 + k, j]
-            tensor[j] += weight * value
-            if derived:
-                for a in range(d):
-                    slopes[a, j] += lean[0, a] * value
+        _add_node(node, weight, tensors, evaluation, tensor, slopes, lean, derived)
     for j in range(packed):
         tensor[j] /= total
         for a in range(d):
@@ -344,7 +358,6 @@ def tensor_at(
     shape, strides, number, tensors = field.shape, field.strides, field.number, field.tensors
     if len(number) == 0:
         return _tensor_beside(point, field, evaluation, nearest, tensor, slopes, lean, derived)
-    factors, affected = evaluation.factors, evaluation.affected
     clearance, within = evaluation.clearance, evaluation.within
     d = len(shape)
     packed = d * (d + 1) // 2
@@ -380,15 +393,7 @@ def tensor_at(
                     if b != a:
                         lean[0, a] *= lean[2, b]
                 lean[1, a] += lean[0, a]
-        for j in range(packed):
-            value = tensors[node, 0, j]
-            if affected[node]:
-                for k in range(factors.shape[1]):
-                    value += (factors[node, k] - 1.0) * tensors[node, 1 + k, j]
-            tensor[j] += weight * value
-            if derived:
-                for a in range(d):
-                    slopes[a, j] += lean[0, a] * value
+        _add_node(node, weight, tensors, evaluation, tensor, slopes, lean, derived)
     if total > 0.0:
         room /= total
         for j in range(packed):

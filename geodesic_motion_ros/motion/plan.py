@@ -76,9 +76,9 @@ class MotionState:
         """
         if self.latent is None:
             return query.start_latent
-        if query.rounds is None or self.query is query:
+        if query.round_frame is None or self.query is query:
             return self.latent
-        return query.rounds.nearest(self.latent, query.start_latent)
+        return query.round_frame.nearest(self.latent, query.start_latent)
 
     def after(self, stop: JointReference) -> MotionState:
         """Return the state of rest where a stop from this state ends."""

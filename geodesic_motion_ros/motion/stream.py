@@ -103,10 +103,10 @@ class Stream:
             # Where the arm stood before its first path had no latent point yet.
             latent = np.repeat(plan.trajectory.reference.latent[:1], len(old.reference.times), axis=0)
             old = replace(old, reference=replace(old.reference, latent=latent))
-        elif step.followed is not None and step.followed.query.rounds is not None:
+        elif step.followed is not None and step.followed.query.round_frame is not None:
             # The new query may be whole rounds away.
             here, there = old.reference.latent_at(plan.begin - self.played.begin), plan.trajectory.reference.latent[0]
-            moved = step.followed.query.rounds.nearest(here, there) - here
+            moved = step.followed.query.round_frame.nearest(here, there) - here
             old = replace(old, reference=replace(old.reference, latent=old.reference.latent + moved))
         whole = old.continue_by(plan.trajectory, begin - self.played.begin, plan.begin - self.played.begin)
         self._replace(whole, begin)

@@ -36,9 +36,8 @@ PROPOSERS: tuple[Proposer, ...] = (
 
 
 def _begins_smoothly(reference: JointReference) -> bool:
-    """Whether the jerk where a motion begins is none that it does not have later on, before it comes to rest."""
-    later = reference.largest_jerk(JOIN_LASTS, 0.6 * reference.duration)
-    return reference.largest_jerk(0.0, JOIN_LASTS) <= later
+    """Whether a motion begins with no more jerk than it has later on, until half of it: to come to rest takes more."""
+    return reference.largest_jerk(0.0, JOIN_LASTS) <= reference.largest_jerk(JOIN_LASTS, 0.5 * reference.duration)
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,22 +76,22 @@ class Arbiter:
         if situation.exceeds_limits and (slowed := self._slowed(situation)) is not None:
             return Decision(slowed, query, memory)
         coming = None if self.mission.next_round is None else self.mission.next_round.query(situation.now)
-        if coming is not None and query is not None:
-            if situation.at_rest:
-                query = coming
-            elif (joined := self._joined(query, coming)) is not None:
-                return joined
+        if coming is not None and situation.at_rest:
+            query, coming = coming, None
         following = situation.followed_to(query)
-        if following is not None and self._needs_no_check(following):
+        if following is not None and coming is None and self._needs_no_check(following):
             # Nothing has changed since the path was certified.
             return Decision(situation.go_on(following.verdict), query, memory)
         goal = self.mission.active.goal
         if query is None:
-            found = self.arm.query_from(situation.state, situation.followed, goal, again=self.mission.round > 0)
+            rounds = self.mission.rounds_to(self.mission.active.request, goal)
+            found = self.arm.query_from(situation.state, situation.followed, goal, rounds)
             if isinstance(found, Refusal):
                 return Decision(situation.begin_stop(found), None, memory)
             query = found
         followed = situation.free_path(query)
+        if followed is not None and coming is not None:
+            return self._joined(query, followed, coming)
         if followed is not None and not followed.is_due(situation.obstacles, situation.now):
             # The rest of the path is free, and so is a stop a moment later.
             return Decision(situation.go_on(followed.verdict, followed), query, memory)
@@ -100,27 +99,22 @@ class Arbiter:
         return self._without_path(turn) if followed is None else self._improved(turn, followed)
 
     def _turn(self, query: ArmQuery) -> Turn:
-        """The first turn of a tick, with a query."""
+        """Make the first turn of a tick, with a query."""
         assert self.mission.active is not None
         # The workings change as the searches of this tick go on.
         memory = replace(self.memory, workings=self.memory.workings.copy())
         return Turn(self.arm, self.situation, self.mission.active.goal, memory.origin(query), query, memory)
 
-    def _joined(self, query: ArmQuery, coming: ArmQuery) -> Decision | None:
-        """The next round joined to the present one in motion; None where that is not free, or there is no path yet:
-        without one the arm comes to rest at the end of the round.
+    def _joined(self, query: ArmQuery, followed: FollowedPlan, coming: ArmQuery) -> Decision:
+        """Join the next round to the present one in motion; go on with that, where there is no path yet, or one that
+        begins with a jolt: without one by its end the arm comes to rest there.
         """
-        situation, attempts = self.situation, self.arm.solver.attempts[:1]
-        if situation.free_path(query) is None:
-            return None
-        turn = self._turn(coming)
+        situation, attempts, turn = self.situation, self.arm.solver.attempts[:1], self._turn(coming)
         plan = turn.solve(coming, attempts)
-        if plan.reference is None or situation.handover_deadline.passed:
-            return None
-        left = query.rounds_left(situation.state.latent_on(query))
-        if left > LAST_JOIN and not _begins_smoothly(plan.reference):
-            # Joined a moment later the next round may fit better.
-            return None
+        late = query.rounds_left(situation.state.latent_on(query)) <= LAST_JOIN
+        joins = plan.reference is not None and (late or _begins_smoothly(plan.reference))
+        if not joins or situation.handover_deadline.passed:
+            return Decision(situation.go_on(followed.verdict, followed), query, self.memory)
         return self._decision(turn.take_path(coming, plan, turn.memory.after(plan, coming, None, attempts, situation)))
 
     @staticmethod

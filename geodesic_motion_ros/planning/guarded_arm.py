@@ -93,19 +93,18 @@ class GuardedArm:
         state: MotionState,
         followed: FollowedPlan | None,
         goal: ArmGoal,
-        again: bool = False,
         rounds: int | None = None,
     ) -> ArmQuery | Refusal:
         """Return the query to a goal from where the stream is: the followed one redirected, so that the motion goes on
         smoothly; a new one where the arm is at an end of its path.
 
-        again, rounds : as of `QueryBuilder.build` and `QueryBuilder.redirect`.
+        rounds : as of `QueryBuilder.redirect`.
         """
         if followed is not None and state.latent is not None:
             query = self.queries.redirect(followed.query, state.position, state.latent, goal, rounds)
             if query is not None:
                 return query
-        return self.queries.build(state.position, goal, again)
+        return self.queries.build(state.position, goal, rounds)
 
     def plan_from_rest(self, start: np.ndarray, goal: ArmGoal, obstacles: Obstacles, reach: float) -> Plan:
         """Return the plan from rest in a configuration (eta,) [rad] to a goal; where there is no path, along a detour
@@ -117,9 +116,9 @@ class GuardedArm:
         still = np.zeros_like(start)
         state = MotionState(obstacles.time, start, still, still, query.start_latent)
         plan = self.solver.solve(query, state, obstacles, self.solver.cautious_attempts)
-        if query.rounds is not None and plan.verdict.ok:
+        if query.round_frame is not None and plan.verdict.ok:
             rounds = query.rounds_left(query.start_latent)
-            plan = replace(plan, verdict=plan.verdict.with_remark(f"{rounds:.2f} of a round"))
+            plan = replace(plan, verdict=plan.verdict.with_remark(f"{rounds:.2f} rounds"))
         if plan.verdict.code is not VerdictCode.NO_FEASIBLE_PATH or reach == 0.0:
             return plan
         detour = self.find_detour(query, obstacles, reach)
@@ -150,7 +149,7 @@ class GuardedArm:
         here = None
         if latent is not None:
             here = self.queries.redirect(query, request.position, latent, request.goal, 0)
-        here = here or self.queries.build(request.position, request.goal, again=True)
+        here = here or self.queries.build(request.position, request.goal, 0)
         return here if isinstance(here, Refusal) else self.find_detour(here, obstacles, request.reach)
 
 

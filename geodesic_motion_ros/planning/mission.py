@@ -96,11 +96,20 @@ class Mission:
         """Whether no query is needed as a goal is taken: it waits, or it is the active one."""
         return self.defers(goal) or (self.active is not None and goal.is_same(self.active.goal))
 
+    def rounds_to(self, request: GoalRequest, goal: ArmGoal) -> int | None:
+        """Return how a query to a goal counts rounds, as of `QueryBuilder.build`: 0 where the arm has set out to it
+        before, though it is a little elsewhere by now, or the task frame has moved; None where it is new.
+        """
+        if self.active is None or self.round == 0:
+            return None
+        return 0 if request is self.active.request or goal.is_near(self.active.goal) else None
+
     def activate(self, prepared: PreparedGoal, query: ArmQuery | None) -> Mission:
         """Return the mission with a prepared goal, and its query, as the active one."""
         if self.active is not None and prepared.goal.is_same(self.active.goal):
             return self
-        return replace(self, active=prepared, query=query, round=0, next_round=None)
+        begun = 0 if self.rounds_to(prepared.request, prepared.goal) is None else self.round
+        return replace(self, active=prepared, query=query, round=begun, next_round=None)
 
     def after(self, query: ArmQuery | None, step: Step, now: float) -> Mission:
         """Return the mission after a step at `now` [s], with the query that was decided on."""

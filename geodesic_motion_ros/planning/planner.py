@@ -226,7 +226,7 @@ class ReactivePlanner:
         prepared = PreparedGoal(request, frame, goal, None, generation)
         if state is None:
             return prepared
-        found = self._arm.query_from(state, followed, goal)
+        found = self._arm.query_from(state, followed, goal, self._mission.rounds_to(request, goal))
         return prepared if isinstance(found, Refusal) else replace(prepared, query=found)
 
     def take_goal(self, prepared: PreparedGoal | Refusal) -> Verdict:
@@ -507,7 +507,7 @@ class ReactivePlanner:
 
     @property
     def round(self) -> int:
-        """The number of the round to the goal in which a closed skill is, from 1 on; 0 before it sets out."""
+        """Number of the round to the goal in which a closed skill is, from 1 on; 0 before it sets out."""
         return 0 if self.skill.period is None else self._mission.round
 
     def tick(self, now: float, deadline: Deadline = NEVER, handover_deadline: Deadline = NEVER) -> Plan:
@@ -548,11 +548,11 @@ class ReactivePlanner:
         return self._commit(situation, mission, Decision(situation.begin_stop(verdict), mission.query, self._memory))
 
     def _with_next_round(self, situation: Situation, mission: Mission) -> Mission:
-        """The mission with the next round of a periodic motion, which is prepared from half of the present one on."""
+        """Begin to prepare the next round of a periodic motion, once half of the present one is left: the mission."""
         query, coming, settings = mission.query, mission.next_round, self.settings
         wanted = settings.periodic and (settings.rounds == 0 or mission.round < settings.rounds)
         following = situation.followed_to(query)
-        if not wanted or query is None or query.rounds is None or following is None:
+        if not wanted or query is None or query.round_frame is None or following is None:
             return replace(mission, next_round=None)
         if coming is not None and coming.after is query and not coming.has_failed(situation.now):
             return mission
@@ -588,15 +588,9 @@ class ReactivePlanner:
             self._earlier_limits = None
         plan = self._stream.commit(decision.step, situation.now)
         if plan.verdict.ok and self.round > 0:
-            plan = replace(plan, verdict=plan.verdict.with_remark(self._stated_round()))
+            of = f" of {self.settings.rounds}" if self.settings.periodic and self.settings.rounds else ""
+            plan = replace(plan, verdict=plan.verdict.with_remark(f"round {self.round}{of}"))
         return replace(plan, mode=situation.mode(decision.step))
-
-    def _stated_round(self) -> str:
-        """In which round a closed skill is, for a person."""
-        settings = self.settings
-        if not settings.periodic:
-            return f"round {self.round}"
-        return f"round {self.round} of {settings.rounds or 'those until it is stopped'}"
 
     def plan(
         self,

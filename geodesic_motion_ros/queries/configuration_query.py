@@ -130,7 +130,7 @@ class ConfigurationQueryBuilder(QueryBuilder[np.ndarray]):
         """
         here, skill = Pose(*self._robot.forward(standing)), self._skill
         start, end = (Pose(*np.split(given, [3])) for given in (skill.start_pose, skill.goal_pose))
-        if not here.is_within(pose, SAME_GOAL) or (start.is_within(end, SAME_START) and self._rounds is None):
+        if not here.is_within(pose, SAME_GOAL) or (start.is_within(end, SAME_START) and self._round_frame is None):
             return None
         goal = self.goal_by_configuration(standing, frame)
         return None if isinstance(goal, Refusal) else replace(goal, stated="the configuration in which the arm stands")
@@ -190,7 +190,7 @@ class ConfigurationQueryBuilder(QueryBuilder[np.ndarray]):
         return found, reason
 
     def _guesses(self, name: EndName, pose: Pose) -> list[np.ndarray]:
-        if self._poles[name] and self._rounds is None:
+        if self._poles[name] and self._round_frame is None:
             return [pole.mean for pole in self._poles[name]]
         trusted = np.flatnonzero(self._graph.sigma < ENDPOINT_MULTIPLE * self._skill.sigma_support)
         offset = np.linalg.norm(self._tool_positions[trusted] - pose.position, axis=1)

@@ -139,7 +139,7 @@ class Query(Generic[Output]):
     lift : what gives it its configurations; None: no arm holds it.
     displaced : how far the tool was from the graph of the query before this one, as this one began [m]; 0: there was
         none.
-    rounds : of a closed skill; None: it is not closed.
+    round_frame : of a closed skill; None: it is not closed.
     """
 
     start: Output
@@ -158,7 +158,7 @@ class Query(Generic[Output]):
     along_mean_paths: AlongMeanPaths
     lift: Lift | None = None
     displaced: float = 0.0
-    rounds: RoundFrame | None = None
+    round_frame: RoundFrame | None = None
 
     @property
     def start_latent(self) -> np.ndarray:
@@ -172,7 +172,7 @@ class Query(Generic[Output]):
 
     def rounds_left(self, latent: np.ndarray) -> float:
         """Return how many rounds of a closed skill lie between a latent point (d,) and the goal; 0 of another skill."""
-        return 0.0 if self.rounds is None else self.rounds.rounds_to(latent, self.ends[1].latent)
+        return 0.0 if self.round_frame is None else self.round_frame.rounds_to(latent, self.ends[1].latent)
 
     def displaced_at(self, progress: np.ndarray) -> float:
         """Return the rest of `displaced` [m] at a progress (1,): it fades towards the goal, as the offset of the start.
@@ -282,7 +282,7 @@ class QueryBuilder(ABC, Generic[Output]):
         self._skill, self._graph, self._settings, self._robot = skill, graph, settings, robot
         self._collision, self._links = collision, LinkBounds.of(collision)
         self._scene, self._scale = scene or DeclaredScene.empty(), scale
-        self._rounds = RoundFrame.of(skill)
+        self._round_frame = RoundFrame.of(skill)
         self._mean_paths = skill.mean_paths if settings.ridge_strength > 0.0 else None
         nowhere = np.zeros(len(scale))
         self._unconditioned = self._along_mean_paths(nowhere, nowhere, conditioned=False)
@@ -321,13 +321,13 @@ class QueryBuilder(ABC, Generic[Output]):
 
     # -------------------------------------------------------------- queries
 
-    def build(self, start: np.ndarray, goal: Goal[Output], again: bool = False) -> ArmQuery | Refusal:
+    def build(self, start: np.ndarray, goal: Goal[Output], rounds: int | None = None) -> ArmQuery | Refusal:
         """Build the query from a configuration (eta,) to a goal; or say why there is none.
 
-        again : the arm has set out to the goal before: with a closed skill it goes there by the shorter part of the
-            round.
+        rounds : of a closed skill. 0: the arm has set out to the goal before, and goes there by the shorter part of the
+            round; None: the goal is new, and lies ahead.
         """
-        found = self.transport(self._output(start, goal.frame), goal.outputs, again)
+        found = self.transport(self._output(start, goal.frame), goal.outputs, rounds)
         return found if isinstance(found, Refusal) else self._held(found, goal.frame, start)
 
     def build_beside(
@@ -336,8 +336,8 @@ class QueryBuilder(ABC, Generic[Output]):
         """Build the query to the goal of an older one from a configuration (eta,) beside its path, at its latent point
         (d,): of a closed skill as much of the round is left as there.
         """
-        beside = None if self._rounds is None else self.redirect(query, start, latent, goal, 0)
-        return self.build(start, goal, again=True) if beside is None else beside
+        beside = None if self._round_frame is None else self.redirect(query, start, latent, goal, 0)
+        return self.build(start, goal, 0) if beside is None else beside
 
     def redirect(
         self, query: ArmQuery, start: np.ndarray, latent: np.ndarray, goal: Goal[Output], rounds: int | None = None
@@ -345,7 +345,7 @@ class QueryBuilder(ABC, Generic[Output]):
         """Build the query that goes on from a configuration on the path of an older one, at its latent point (d,), to a
         new goal.
 
-        rounds : the goal is that of the older query, so many rounds further on, of a closed skill; None: it is new.
+        rounds : of a closed skill: the goal is that of the older query, so many rounds further on; None: it is new.
 
         None where the latent point is not connected to any node: then the query has to be built anew.
         """
@@ -379,10 +379,12 @@ class QueryBuilder(ABC, Generic[Output]):
             return Refusal(VerdictCode.GOAL_OUT_OF_SUPPORT, "the skill has no supported latent point at all")
         return self._offset_refusal("goal", min(ends, key=lambda end: end.misfit))
 
-    def transport(self, start: Output, goals: Sequence[Output], again: bool = False) -> Query[Output] | Refusal:
+    def transport(
+        self, start: Output, goals: Sequence[Output], rounds: int | None = None
+    ) -> Query[Output] | Refusal:
         """Choose both ends on one connected piece of the manifold, and transport the graph to them.
 
-        again : as of `build`.
+        rounds : as of `build`.
         """
         pairs = []
         for piece in self._graph.pieces_with_demonstrations():
@@ -398,7 +400,7 @@ class QueryBuilder(ABC, Generic[Output]):
             assert refusal is not None
             return refusal
         here, there = min(allowed, key=lambda pair: self._preference(*pair))
-        here = self._before(here, there, again)
+        here = self._before(here, there, rounds)
         return self._between(
             here, there, here.task_offset, self._chosen_mean_paths(here.task_offset, there.task_offset)
         )
@@ -421,10 +423,7 @@ class QueryBuilder(ABC, Generic[Output]):
         if not allowed:
             return self._offset_refusal("goal", min(ends, key=lambda end: end.misfit))
         there = min(allowed, key=lambda end: self._preference(here, end))
-        if self._rounds is not None and rounds is not None:
-            here = self._end_at(here, self._rounds.moved(there.latent, -query.rounds_left(latent) - rounds))
-        else:
-            here = self._before(here, there)
+        here = self._before(here, there, None if rounds is None else query.rounds_left(latent) + rounds)
         along_mean_paths, moved = query.along_mean_paths, there.task_offset - query.ends[1].task_offset
         if np.linalg.norm(self._scale * moved) > self._same_task:
             along_mean_paths = self._chosen_mean_paths(query.task_start, there.task_offset)
@@ -456,35 +455,32 @@ class QueryBuilder(ABC, Generic[Output]):
             misfits=Figures(**self._misfits("start", here), **self._misfits("goal", there)),
             task_start=task_start,
             along_mean_paths=along_mean_paths,
-            rounds=self._rounds,
+            round_frame=self._round_frame,
         )
 
-    def _before(self, here: End[Output], there: End[Output], again: bool = False) -> End[Output]:
-        """The start of a closed skill before its goal: by less than a round, by a whole one where both are the same.
-        again : as of `build`. The start of another skill as it is.
+    def _before(self, here: End[Output], there: End[Output], left: float | None) -> End[Output]:
+        """Put the start of a closed skill into the round in which about so many rounds are left to the goal; None: less
+        than one, and a whole one where start and goal are the same. The start of another skill stays as it is.
         """
-        if self._rounds is None:
+        frame = self._round_frame
+        if frame is None:
             return here
-        left = self._rounds.rounds_to(here.latent, there.latent)
-        left -= np.round(left) if again else np.floor(left)
-        same = self._apart(here.requested, there.requested) < self._same_task
-        if same and not again and left < 0.5:
-            left += 1.0
-        return self._end_at(here, self._rounds.moved(there.latent, -left))
-
-    def _end_at(self, end: End[Output], along: np.ndarray) -> End[Output]:
-        """An end in another round, where a latent point (d,) lies on the first axis."""
-        latent = np.concatenate([along[:1], end.latent[1:]])
-        piece = self._graph.component == self._graph.component[end.node]
+        between = frame.rounds_to(here.latent, there.latent)
+        if left is None:
+            ahead = between - np.floor(between)
+            same = self._apart(here.requested, there.requested) < self._same_task
+            left = ahead + 1.0 if same and ahead < 0.5 else ahead
+        latent = frame.moved(here.latent, np.round(between - left))
+        piece = self._graph.component == self._graph.component[here.node]
         node = self._graph.node_near(latent, piece, 2)
-        return replace(end, latent=latent, node=end.node if node is None else node)
+        return replace(here, latent=latent, node=here.node if node is None else node)
 
     # ----------------------------------------------------------------- ends
 
     def _find_poles(self, name: EndName) -> list[Pole[Output]]:
         sheet, poles = self._skill.canonical, []
-        if self._rounds is not None:
-            return self._poles_along(self._rounds)
+        if self._round_frame is not None:
+            return self._poles_along(self._round_frame)
         for members, mean in self._groups(name):
             assert sheet is not None
             latent = self._skill.codes[members, 0 if name == "start" else -1].mean(axis=0)
@@ -497,7 +493,7 @@ class QueryBuilder(ABC, Generic[Output]):
         return poles
 
     def _poles_along(self, rounds: RoundFrame) -> list[Pole[Output]]:
-        """Those of a closed skill: in the last round, all along the mean of each mode."""
+        """Find the poles of a closed skill: in the last round, all along the mean of each mode."""
         sheet, codes, poles = self._skill.canonical, self._skill.codes, []
         assert sheet is not None
         weights = sheet.weights(np.zeros(len(self._scale)), np.zeros(len(self._scale)), conditioned=False)
@@ -516,15 +512,15 @@ class QueryBuilder(ABC, Generic[Output]):
     def _end(self, name: EndName, requested: Output, piece: int) -> End[Output] | None:
         """Where a connected piece of the graph meets an output; None where none of it is trusted."""
         poles = [pole for pole in self._poles[name] if self._graph.component[pole.node] == piece]
-        if self._rounds is not None and poles:
+        if self._round_frame is not None and poles:
             best: End[Output] | None = self._on_round(poles, requested)
         else:
             best = min((self._at_pole(pole, requested) for pole in poles), key=lambda end: end.misfit, default=None)
         if best is not None and self._is_allowed(best):
             return best
         node = self._nearest_node(requested, piece, ENDPOINT_MULTIPLE * self._skill.sigma_support)
-        if node is not None and self._rounds is not None:
-            last = self._rounds.in_last(self._graph.latent[node])
+        if node is not None and self._round_frame is not None:
+            last = self._round_frame.in_last(self._graph.latent[node])
             node = self._graph.node_near(last, self._graph.component == piece, 2)
         if node is None:
             return best
@@ -534,14 +530,13 @@ class QueryBuilder(ABC, Generic[Output]):
         return nearest if best is None else min(nearest, best, key=lambda end: end.misfit)
 
     def _on_round(self, poles: list[Pole[Output]], requested: Output) -> End[Output]:
-        """Where rounds pass nearest to an output, between two poles: a step along it would be carried on all around.
-        """
-        assert self._rounds is not None
+        """Find where rounds pass nearest to an output, between two poles, or begin near it."""
+        assert self._round_frame is not None
         begin = self._skill.codes[:, 0].mean(axis=0)
-        rounds = [self._rounds.rounds_to(begin, pole.latent) for pole in poles]
+        rounds = [self._round_frame.rounds_to(begin, pole.latent) for pole in poles]
         pole = poles[int(np.argmin([abs(left - round(left)) for left in rounds]))]
-        first, spread = self._at_pole(pole, requested), np.sqrt(np.mean(np.sum(pole.demonstrated**2, axis=1)))
-        if first.misfit < spread:
+        first = self._at_pole(pole, requested)
+        if np.linalg.norm(self._scale * first.beyond) < self._spread(pole):
             # It lies among the beginnings that were demonstrated, or hardly beside them.
             return first
         means = [np.stack(values) for values in zip(*(self._values(pole.mean) for pole in poles), strict=True)]
@@ -566,18 +561,22 @@ class QueryBuilder(ABC, Generic[Output]):
         return End(latent, pole.node, decoded, requested, offset, beyond, task_offset)
 
     def _nearest_pass(self, poles: list[Pole[Output]], apart: np.ndarray, rounds: list[float]) -> int:
-        """The number of the pole that is nearest, apart (P,) as of `_apart`. Where rounds cross themselves, and pass
-        nearly as near twice, the one nearer to where demonstrations began, so many rounds before.
+        """Choose the number of the nearest pole, by distances (P,) as of `_apart`. Where rounds cross themselves, and
+        pass nearly as near twice, take the pass nearer to where demonstrations began, so many rounds (P) before.
         """
         nearest = int(np.argmin(apart))
-        spread = np.sqrt(np.mean(np.sum((self._scale * poles[nearest].demonstrated) ** 2, axis=1)))
         passes = np.flatnonzero((apart <= np.roll(apart, 1)) & (apart <= np.roll(apart, -1)))
-        passes = passes[apart[passes] <= apart[nearest] + spread]
+        passes = passes[apart[passes] <= apart[nearest] + self._spread(poles[nearest])]
         since = np.array(rounds)[passes]
         return int(passes[np.argmin(np.abs(since - np.round(since)))])
 
+    def _spread(self, pole: Pole[Output]) -> float:
+        """Measure how far from a pole demonstrations were, as `_apart` does: no less than what is the same task."""
+        offsets = self._scale * pole.demonstrated
+        return max(float(np.sqrt(np.mean(np.sum(offsets**2, axis=1)))), self._same_task)
+
     def _apart(self, one: Output, other: Output) -> float:
-        """How far one output is from another, in the scale of offsets."""
+        """Measure the distance of two outputs, in the scale of offsets."""
         return float(np.linalg.norm(self._scale * self._difference(one, other)))
 
     def _at_pole(self, pole: Pole[Output], requested: Output) -> End[Output]:
@@ -637,7 +636,8 @@ class QueryBuilder(ABC, Generic[Output]):
         """The cost of the first demonstration's path where the skill was demonstrated."""
         codes = self._skill.codes[0]
         # one of the rounds, that of a closed skill in the middle
-        ends = [0, -1] if self._rounds is None else [len(codes) // UNROLLED_ROUNDS, 2 * len(codes) // UNROLLED_ROUNDS]
+        one = len(codes) // UNROLLED_ROUNDS
+        ends = [0, -1] if self._round_frame is None else [one, 2 * one]
         start, goal = (self._graph.nearest_node_to(code) for code in codes[ends])
         return float(cost_field(self._graph.adjacency, self._unmoved, goal)[start])
 

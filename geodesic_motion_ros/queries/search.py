@@ -112,7 +112,7 @@ def cheapest_path(
     # The first node may lie behind the start.
     if len(points) > 1 and (points[1] - points[0]) @ (start - points[0]) > 0.0:
         points = points[1:]
-    if query.rounds is not None:
+    if query.round_frame is not None:
         # The goal lies between nodes.
         points = np.concatenate([points[:-1], query.ends[1].latent[None]])
     undisturbed = found.gap == 0.0 and not evaluation.is_felt(margin)

@@ -20,6 +20,7 @@ from geodesic_motion_ros.utils.checked_files import opened, read_arrays, read_te
 from geodesic_motion_ros.utils.checked_numbers import (
     LARGEST_CODE,
     LARGEST_DIMENSION,
+    ROUND_DIMENSIONS,
     SMALLEST_BOX,
     check_array,
     check_pose,
@@ -63,7 +64,7 @@ def read_folder(path: Path) -> dict[str, Any]:
         arrays = read_arrays(io.BytesIO(content[LATENT]))
         period = float(decoder.period) if decoder.is_closed else None
         attributes |= _latent(arrays, decoder.latent_dimension, period)
-        attributes["canonical"] = _canonical(arrays, described, attributes["codes"], joints)
+        attributes["canonical"] = _canonical(arrays, described, attributes["codes"], joints, decoder.is_closed)
     with _about(path / WEIGHTS):
         _check_decoded(decoder, attributes["codes"], space)
     return attributes
@@ -131,10 +132,8 @@ def _latent(arrays: dict[str, np.ndarray], d: int, period: float | None) -> dict
     for name, shape in {"codes": (*codes.shape[:2], d), "latent_lower": (d,), "latent_upper": (d,)}.items():
         check_array(name, latent[name], shape, -LARGEST_CODE, LARGEST_CODE)
     size = upper - lower
-    if period is not None and not np.isclose(period * UNROLLED_ROUNDS, size[0], rtol=0.1):
-        raise SkillError(
-            f"the box is {size[0]:.4g} long on the first axis; {UNROLLED_ROUNDS} rounds of {period:.4g} are to be in it"
-        )
+    if period is not None:
+        _check_rounds(codes, size, period)
     if np.any(size < SMALLEST_BOX):
         raise SkillError(f"latent_upper lies {size.min():.4g} above latent_lower; at least {SMALLEST_BOX} is needed")
     rounding = 1e-6 * size
@@ -145,11 +144,25 @@ def _latent(arrays: dict[str, np.ndarray], d: int, period: float | None) -> dict
     return latent
 
 
+def _check_rounds(codes: np.ndarray, size: np.ndarray, period: float) -> None:
+    """Refuse codes (N, S, d) in a box of a size (d,) that are no rounds, unrolled (SkillError)."""
+    length, whole = UNROLLED_ROUNDS * period, (codes.shape[1] - 1) % UNROLLED_ROUNDS == 0
+    if codes.shape[2] not in ROUND_DIMENSIONS:
+        allowed = " or ".join(map(str, ROUND_DIMENSIONS))
+        raise SkillError(f"a closed skill has {allowed} latent dimensions, not {codes.shape[2]}")
+    if not whole or not np.allclose(codes[:, -1, 0] - codes[:, 0, 0], length, rtol=1e-3):
+        raise SkillError(f"codes of a closed skill must lead through {UNROLLED_ROUNDS} rounds of {period:.4g}")
+    if not np.isclose(size[0], length, rtol=0.1):
+        raise SkillError(f"the box is {size[0]:.4g} long on the first axis; {UNROLLED_ROUNDS} rounds are {length:.4g}")
+
+
 def _canonical(
-    arrays: dict[str, np.ndarray], described: dict[str, Any], codes: np.ndarray, joints: int
+    arrays: dict[str, np.ndarray], described: dict[str, Any], codes: np.ndarray, joints: int, closed: bool
 ) -> DemonstratedEnds | None:
     """The canonical demonstrations of codes (N, S, d); None on the raw sheet."""
     if described["sheet"] == "raw":
+        if closed:
+            raise SkillError("a closed skill has a canonical sheet, not a raw one")
         return None
     space = SPACES[described["space"]]
     named = {name: f"canonical_{name}" for name in space.canonical_arrays}

@@ -27,6 +27,8 @@ LARGEST_WEIGHT, SMALLEST_SCALE = 1e9, 1e-9
 more precise demonstrations of a thousandth of the size stay far inside, and products of them do not overflow."""
 LARGEST_DIMENSION = 6
 """Of a latent space."""
+ROUND_DIMENSIONS = 2, 3
+"""Of the latent space of a closed skill: the graph of its rounds is a grid."""
 LARGEST_CODE, SMALLEST_BOX = 1e3, 1e-6
 """Codes are drawn towards a normal distribution of variance 1 and lie within 5 of the origin. In a smaller box the
 steps that derivatives are taken over drown in rounding."""

@@ -154,3 +154,44 @@ def test_samples_along_the_arc_are_evenly_spaced_with_turning_counted():
     even = np.isclose(steps, (0.3 + 0.1 * np.pi) / 200, rtol=1e-6)
     assert np.count_nonzero(~even) == 1
     assert steps.max() < 1.01 * steps[0]
+
+
+def circles(ease: float) -> Demonstrations:
+    """Three rounds of different places, at even speed, but for a share of their time in which they set out and rest."""
+    arc = np.linspace(0.0, 1.0, 200)
+    angle, quaternions = 2.0 * np.pi * arc, np.tile([1.0, 0.0, 0.0, 0.0], (200, 1))
+    shape = 0.1 * np.stack([np.cos(angle), np.sin(angle), 0.0 * angle], axis=1)
+    # slow at both ends: dt / ds is large there
+    times = np.append(0.0, np.cumsum(0.02 * (1.0 + ease * (np.minimum(arc, 1.0 - arc) < 0.04))[1:]))
+    items = [
+        Demonstration([0.5, 0.01 * number, 0.3] + (1.0 + 0.1 * number) * shape, quaternions, times, f"{number}")
+        for number in range(3)
+    ]
+    return Demonstrations(tuple(items), frame="base")
+
+
+def test_rounds_are_displaced_as_a_whole_and_their_mean_is_not() -> None:
+    sheet = PoseForm(circles(0.0), ROTATION_LENGTH, closed=True).sheet(SAMPLES)
+    np.testing.assert_array_equal(sheet.start_offsets, sheet.goal_offsets)
+    np.testing.assert_allclose(sheet.start_offsets.mean(axis=0), 0.0, atol=1e-12)
+    np.testing.assert_allclose(sheet.start_offsets[:, 1], [-0.01, 0.0, 0.01], atol=1e-6)
+    # no place of the round is more alike than another: circles of several sizes stay apart where they begin
+    apart = sheet.positions.std(axis=0)
+    np.testing.assert_allclose(np.linalg.norm(apart[0]), np.linalg.norm(apart[SAMPLES // 2]), rtol=1e-2)
+    unrolled = sheet.unrolled()
+    assert unrolled.positions.shape[1] == 3 * (SAMPLES - 1) + 1
+    for number in range(3):
+        part = slice(number * (SAMPLES - 1), (number + 1) * (SAMPLES - 1) + 1)
+        np.testing.assert_allclose(unrolled.positions[:, part], sheet.positions, rtol=0.0, atol=1e-12)
+        lasting = sheet.times[:, -1:]
+        np.testing.assert_allclose(unrolled.times[:, part], sheet.times + number * lasting)
+
+
+def test_a_round_that_was_shown_from_rest_to_rest_runs_through_its_seam_and_another_stays_as_it_was() -> None:
+    even = PoseForm(circles(0.0), ROTATION_LENGTH, closed=True).sheet(SAMPLES).times
+    rests = PoseForm(circles(9.0), ROTATION_LENGTH, closed=True).sheet(SAMPLES).times
+    rates = np.diff(even, axis=1)
+    np.testing.assert_allclose(rates, np.broadcast_to(np.median(rates), rates.shape), rtol=0.1)
+    np.testing.assert_allclose(np.diff(rests, axis=1), np.broadcast_to(np.median(rates), rates.shape), rtol=0.1)
+    open_times = PoseForm(circles(9.0), ROTATION_LENGTH).sheet(SAMPLES).times
+    assert np.diff(open_times, axis=1).max() > 5.0 * np.median(rates)

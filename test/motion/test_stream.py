@@ -30,7 +30,7 @@ ROBOT, SETTINGS = Robot.named("panda"), PlannerSettings()
 LIMITS, MODEL = JointLimits.of(ROBOT), CollisionModel.named("panda")
 CERTIFIER = ArmCertifier(ROBOT, MODEL)
 #: Of a query a situation asks only whether it is the same, and a stream whether it is of rounds.
-QUERY = SimpleNamespace(rounds=None)
+QUERY = SimpleNamespace(round_frame=None)
 #: To the side, by the first joint.
 TURN = np.array([1.2, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0])
 OK, NO_PATH = Verdict(), Refusal(VerdictCode.NO_FEASIBLE_PATH, "no path")

@@ -18,7 +18,7 @@ from geodesic_motion_ros.motion.plan import MotionState, Plan
 from geodesic_motion_ros.motion.stream import Stream
 from geodesic_motion_ros.motion.worker import Job
 from geodesic_motion_ros.obstacles.obstacles import Obstacles
-from geodesic_motion_ros.planning.arbiter import Arbiter, Decision
+from geodesic_motion_ros.planning.arbiter import Arbiter, Decision, _begins_smoothly
 from geodesic_motion_ros.planning.guarded_arm import GuardedArm
 from geodesic_motion_ros.planning.memory import AttemptMemory, DetourRequest, DetourSearch
 from geodesic_motion_ros.planning.mission import Mission
@@ -38,7 +38,7 @@ TICK, REACH, TURN = 0.01, 0.25, 0.6
 
 
 def query_at(position: np.ndarray) -> SimpleNamespace:
-    return SimpleNamespace(start=position, rounds=None, start_latent=np.zeros(2))
+    return SimpleNamespace(start=position, round_frame=None, start_latent=np.zeros(2))
 
 
 @dataclass
@@ -103,7 +103,7 @@ class Arm:
         detours = SimpleNamespace(plan=lambda detour, state, obstacles: self.searches.turn(state, obstacles))
         self.guarded = GuardedArm(MODEL, (), MODEL, self.searches, self.postures, detours)
         self.stream, self.memory = Stream(CERTIFIER), AttemptMemory()
-        self.mission = Mission(active=SimpleNamespace(goal=SimpleNamespace()))
+        self.mission = Mission(active=SimpleNamespace(goal=SimpleNamespace(), request=None))
         standing = JointReference.standing(ROBOT.ready, np.zeros(2))
         self.stream.stand(CERTIFIER.judge(standing, CERTIFIER.certify(standing, Obstacles.none(), 1.0)), 0.0)
         self.situation: Situation | None = None
@@ -299,7 +299,18 @@ def test_why_there_is_no_detour_is_said_beside_why_there_is_no_path(arm: Arm) ->
     decision = arm.decided(now, sphere())
     assert decision.step.plan.verdict.reason == "no path; no detour of up to 25 cm: too narrow"
     assert decision.detour is None
-    arm.mission = replace(arm.mission, active=SimpleNamespace(goal=SimpleNamespace()))
+    arm.mission = replace(arm.mission, active=SimpleNamespace(goal=SimpleNamespace(), request=None))
     other = arm.decided(now, sphere())
     assert other.step.plan.verdict == NO_PATH
     assert other.detour is not None
+
+
+def test_a_motion_that_begins_with_a_jolt_is_another_than_one_that_does_not() -> None:
+    """The jolt is an acceleration that is taken up within a knot."""
+    share = np.linspace(0.0, 1.0, 60)[:, None]
+    smooth = timed_joint_reference(ROBOT.ready + TURN * share * np.eye(7)[0], np.hstack([1.0 - share, share]), LIMITS)
+    later = smooth.rest(0.5 * smooth.duration)
+    assert _begins_smoothly(later)
+    accelerations = later.accelerations.copy()
+    accelerations[0] += 1.0
+    assert not _begins_smoothly(replace(later, accelerations=accelerations))

@@ -6,18 +6,21 @@ The skill is of circles, learned in a few steps: what the network lacks of them 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 import pytest
 
+from geodesic_motion_ros.certification.declared_scene import DeclaredScene
 from geodesic_motion_ros.contract.settings import PlannerSettings
+from geodesic_motion_ros.contract.status import Refusal, VerdictCode
 from geodesic_motion_ros.demonstrations.demonstrations import Demonstration, Demonstrations
 from geodesic_motion_ros.learning.settings import TrainingSettings
 from geodesic_motion_ros.learning.training import train_skill
 from geodesic_motion_ros.planning.planner import ReactivePlanner
 from geodesic_motion_ros.robot.inverse_kinematics import solve
 from geodesic_motion_ros.skill.skill import Skill
+from geodesic_motion_ros.utils.errors import SkillError
 from geodesic_motion_ros.visualization.plots import training_report
 
 TICK, CENTRE, RADIUS = 0.02, np.array([0.5, 0.0, 0.4]), 0.1
@@ -57,8 +60,8 @@ class Arm:
     reasons: list[str] = field(default_factory=list)
 
     @classmethod
-    def at(cls, skill: Skill, share: float, **settings: object) -> Arm:
-        planner = ReactivePlanner(skill, PlannerSettings(**settings))
+    def at(cls, skill: Skill, share: float, scene: DeclaredScene | None = None, **settings: object) -> Arm:
+        planner = ReactivePlanner(skill, PlannerSettings(**settings), scene=scene)
         assert planner.stand_at(solve(planner.robot, on_circle(share), DOWN), 0.0).verdict.ok
         return cls(planner)
 
@@ -142,6 +145,69 @@ def test_an_arm_that_is_started_again_at_its_goal_makes_no_other_round(skill: Sk
     assert arm.play(lambda arm: arm.turned > 1.99 and rests(arm)).turned == pytest.approx(2.0, abs=0.01)
 
 
+def test_a_goal_that_trembles_and_a_task_frame_that_moves_are_no_new_rounds(skill: Skill) -> None:
+    """As what tracks an object publishes them. The control is a goal that is dropped and requested again."""
+    arm = Arm.at(skill, 0.0)
+    assert arm.planner.set_goal(on_circle(0.0), DOWN).ok
+    arm.play(rests)
+    for number in range(1, 6):
+        assert arm.planner.set_goal(on_circle(0.0) + [2e-4 * number, 0.0, 0.0], DOWN).ok
+        later = arm.now + 0.6
+        arm.play(lambda arm, later=later: arm.now > later)
+    assert arm.turned == pytest.approx(1.0, abs=0.02)
+    assert arm.planner.set_task_frame(np.array([0.0, 0.01, 0.0]), np.array([1.0, 0.0, 0.0, 0.0])).ok
+    later = arm.now + 4.0
+    assert arm.play(lambda arm: arm.now > later).turned == pytest.approx(1.0, abs=0.04)
+
+
+def test_an_arm_that_is_held_goes_on_in_the_same_round(skill: Skill) -> None:
+    arm = Arm.at(skill, 0.0)
+    assert arm.planner.set_goal(on_circle(0.0), DOWN).ok
+    arm.play(lambda arm: arm.turned > 0.6)
+    for _ in range(100):
+        arm.planner.stop(arm.now, Refusal(VerdictCode.HOLD_REQUESTED, "held"))
+        arm.now += TICK
+    assert arm.turned < 0.8
+    assert arm.play(rests).turned == pytest.approx(1.0, abs=0.01)
+
+
+def test_an_arm_that_made_room_at_its_goal_goes_back_to_it_and_makes_no_round(skill: Skill) -> None:
+    arm = Arm.at(skill, 0.0, DeclaredScene.empty())
+    goal, velocity = on_circle(0.0), np.array([0.0, -0.3, 0.0])
+    assert arm.planner.set_goal(goal, DOWN).ok
+    arm.play(rests)
+    begun, centre = arm.now, goal + [0.0, 0.9, 0.0]
+    left = len(arm.places)
+    while arm.now < begun + 6.0:
+        there = centre + (arm.now - begun) * velocity
+        assert arm.planner.set_obstacles(there[None], np.array([0.05]), velocity[None], time=arm.now).ok
+        arm.play(lambda arm: True)
+    assert np.max(np.linalg.norm(np.array(arm.places[left:]) - goal, axis=1)) > 0.02
+    assert arm.planner.set_obstacles(np.empty((0, 3)), np.empty(0), time=arm.now).ok
+    later = arm.now + 6.0
+    arm.play(lambda arm: arm.now > later)
+    np.testing.assert_allclose(arm.places[-1], goal, atol=1e-3)
+    assert arm.turned == pytest.approx(1.0, abs=0.01)
+
+
+def test_where_rounds_cross_themselves_the_one_that_begins_there_is_made() -> None:
+    """An eight that begins at its crossing: the lobe that was shown first is the first, also from beside it."""
+    angle = 2.0 * np.pi * np.linspace(0.0, 1.0, 150)
+    shape = np.stack([0.5 * np.sin(2.0 * angle), np.sin(angle), np.zeros(150)], axis=1)
+    items = [
+        Demonstration(CENTRE + share * RADIUS * shape, np.tile(DOWN, (150, 1)), 0.6 * angle, f"{share}")
+        for share in (0.85, 0.95, 1.05, 1.15)
+    ]
+    settings = TrainingSettings(closed=True, steps=400, precision_iterations=60)
+    planner = ReactivePlanner(train_skill(Demonstrations(tuple(items), frame="panda_link0"), settings, "eights"))
+    for beside in ([0.0, 0.0, 0.0], [-0.004, -0.004, 0.0], [0.004, -0.004, 0.0]):
+        plan = planner.plan(CENTRE + beside, DOWN, CENTRE + beside, DOWN)
+        assert plan.verdict.reason == "1.00 rounds"
+        across = np.array([planner.robot.forward(one)[0] for one in plan.reference.positions])[:, 1]
+        assert np.argmax(across) < np.argmin(across)
+        assert (across.max(), across.min()) == (pytest.approx(RADIUS, abs=0.03), pytest.approx(-RADIUS, abs=0.03))
+
+
 def test_what_stands_on_the_round_is_kept_clear_of_and_the_rounds_go_on_when_it_is_removed(skill: Skill) -> None:
     arm = Arm.at(skill, 0.0, periodic=True, rounds=2, detour=0.0)
     centre, radius = on_circle(0.5) - [0.0, 0.0, 0.02], 0.03
@@ -177,3 +243,23 @@ def test_a_closed_skill_is_saved_with_its_rounds_and_decodes_the_same_a_round_la
 def test_a_closed_skill_is_drawn_on_its_cylinder(skill: Skill, tmp_path) -> None:
     training_report(skill, tmp_path / "report.png")
     assert (tmp_path / "report.png").read_bytes().startswith(b"\x89PNG")
+
+
+@pytest.mark.parametrize(
+    ("changes", "match"),
+    [
+        ({"canonical": None}, "a closed skill has a canonical sheet"),
+        ({"latent_upper": 3.0}, "rounds are 18"),
+        ({"codes": slice(0, -1)}, "must lead through 3 rounds of 6"),
+    ],
+)  # fmt: skip
+def test_a_closed_skill_on_disk_that_has_no_rounds_is_refused_by_name(skill: Skill, tmp_path, changes, match) -> None:
+    if isinstance(changes.get("codes"), slice):
+        sheet = skill.canonical
+        cut = {name: getattr(sheet, name)[:, :-1] for name in ("positions", "quaternions", "times")}
+        changes = {"codes": skill.codes[:, :-1], "canonical": replace(sheet, **cut)}
+    if "latent_upper" in changes:
+        changes = {"latent_upper": skill.latent_upper + [3.0, 0.0]}
+    folder = replace(skill, **changes).save(tmp_path / "skill")
+    with pytest.raises(SkillError, match=match):
+        Skill.load(folder)

@@ -31,7 +31,7 @@ from geodesic_motion_ros.utils.deadline import NEVER, Deadline
 ROBOT, SETTINGS = Robot.named("panda"), PlannerSettings()
 LIMITS, MODEL = JointLimits.of(ROBOT), CollisionModel.named("panda")
 CERTIFIER = ArmCertifier(ROBOT, MODEL)
-QUERY = SimpleNamespace(rounds=None)
+QUERY = SimpleNamespace(round_frame=None)
 NO_PATH = Refusal(VerdictCode.NO_FEASIBLE_PATH, "no path")
 
 
