@@ -114,7 +114,7 @@ def add_formats(group: argparse._ArgumentGroup, required: bool = False, joints: 
 
 
 def add_bag_options(group: argparse._ArgumentGroup) -> None:
-    """What bags have beside files: --topic, --split, --pause and --first; --strict, for both."""
+    """Add what bags have beside files: --topic, --split, --pause and --first; --strict and --closed, for both."""
     group.add_argument(
         "--topic", metavar="TOPIC",
         help="of a bag: one of sensor_msgs/JointState or geometry_msgs/PoseStamped, or for transforms "
