@@ -200,7 +200,9 @@ class ShownConfigurations(ShownTask):
         robot: str | None = None,
     ) -> None:
         self.settings = settings or JointTrainingSettings()
-        self._demonstrations = close_rounds(demonstrations, 0.0) if self.settings.closed else demonstrations
+        if self.settings.closed:
+            demonstrations = close_rounds(demonstrations, 0.0)
+        self._demonstrations = demonstrations
         self.robot = robot or demonstrations.robot
         self._arm = Robot.named(self.robot)
         self.names, self.frame = [item.name for item in demonstrations], self._arm.base_link
