@@ -144,6 +144,19 @@ def read_joint_recording(arguments: argparse.Namespace, path: Path) -> JointDemo
     return read_joint_demonstrations(path, arguments.robot or DEFAULT_ROBOT, arguments.rate)
 
 
+def read_rounds(
+    arguments: argparse.Namespace, path: Path, space: Literal["task", "joint"]
+) -> Demonstrations | JointDemonstrations | None:
+    """The rounds of one file, from which `train` learns a closed skill; None: its motions lead elsewhere."""
+    columns, robot = arguments.columns or DEFAULT_COLUMNS, "" if space == "task" else arguments.robot or DEFAULT_ROBOT
+    if robot:
+        takes = read_joint_takes(path, robot, arguments.rate, columns, arguments.units)
+    else:
+        takes = read_pose_takes(path, _units(arguments, path), columns, arguments.rate)
+    recording = Recording.of_files(takes, robot)
+    return None if recording.rounds is None else recording.demonstrations()
+
+
 Demonstrated = TypeVar("Demonstrated", Demonstrations, JointDemonstrations)
 
 

@@ -10,10 +10,10 @@ from scipy.spatial.distance import pdist, squareform
 #: P. Rousseeuw, "Finding groups in data", 1990). Demonstrations of one mode stay below 0.45 on real recordings.
 SMALLEST_SILHOUETTE = 0.6
 MOST_MODES = 5
-#: A split counts as real, besides, where of so many random draws of one mode, of a normal distribution with the covariance
-#: of the curves, no more than so large a share splits as well: leaves as little of the squared distances within as many
-#: parts (after SigClust: Y. Liu et al., Journal of the American Statistical Association 103, 2008). Where people differ
-#: in one thing, such as the size of a motion, half of all splits reach SMALLEST_SILHOUETTE.
+#: A split counts as real, besides, where of so many random draws of one mode no more than so large a share splits as
+#: well: leaves as little of the squared distances within as many parts. They are of the normal distribution with the
+#: covariance of the curves (after SigClust: Y. Liu et al., Journal of the American Statistical Association 103, 2008).
+#: Where people differ in one thing, such as the size of a motion, half of all splits reach SMALLEST_SILHOUETTE.
 DRAWS, LARGEST_SHARE = 40, 0.05
 #: Fewer curves cannot tell: of one mode, two and two draws in twenty are as far apart as of two.
 ENOUGH = 6
@@ -68,7 +68,7 @@ def _is_real(points: np.ndarray, labels: np.ndarray) -> bool:
 
 
 def _share_within(points: np.ndarray, labels: np.ndarray) -> float:
-    """The share of the squared distances of points (N, D) from their mean that is left from the means of labels (N,)."""
+    """The share of the squared distances of points (N, D) from their mean that is left from those of labels (N,)."""
     within = sum(float(np.sum((own - own.mean(axis=0)) ** 2)) for own in (points[labels == k] for k in set(labels)))
     return within / max(float(np.sum((points - points.mean(axis=0)) ** 2)), 1e-300)
 

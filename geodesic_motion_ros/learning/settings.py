@@ -105,7 +105,9 @@ class CommonSettings:
             if getattr(self, name) not in allowed:
                 raise ParameterError(f"{name} is {getattr(self, name)!r}; it must be one of {', '.join(allowed)}")
         if self.closed and self.sheet == "raw":
-            raise ParameterError("rounds are learned on the canonical sheet: choose that, or learn no rounds (closed False, --no-closed)")
+            raise ParameterError(
+                "rounds are learned on the canonical sheet: choose that, or learn no rounds (closed False, --no-closed)"
+            )
         if self.closed and self.latent_dimension not in ROUND_DIMENSIONS:
             raise ParameterError(f"latent_dimension is {self.latent_dimension}; rounds are learned in 2 or 3")
 

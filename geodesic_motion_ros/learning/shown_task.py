@@ -86,8 +86,9 @@ class ShownTask(ABC):
         """
         if self._form is None:
             return self._raw_code_curves(), None
-        sheet = self._form.sheet(CODE_SAMPLES).with_regression()
-        return sheet.curves, sheet.unrolled() if self.settings.closed else sheet
+        sheet = self._form.sheet(CODE_SAMPLES)
+        # A round may begin anywhere on it: where it begins does not choose between demonstrations.
+        return sheet.curves, sheet.unrolled() if self.settings.closed else sheet.with_regression()
 
     def opposite(self, curves: Curves) -> Curves | None:
         """Write the same curves with the other signs of their quaternions; None where these say nothing."""

@@ -299,7 +299,7 @@ class ConfigurationQueryBuilder(QueryBuilder[np.ndarray]):
         body = NodeBody.of_arm(nodes, points, self._point_radii, self._collision, self._links, self._robot)
         graph = self._graph.weighted(nodes, body.points, along_mean_paths.conformal)
         graph = graph.without(edges_in_scene(self._scene, graph, body, *ends, self._settings.obstacle_margin))
-        return graph, self._graph.field(along_mean_paths.mean_paths, self._settings.ridge_strength), body
+        return graph, self._graph.field(along_mean_paths.mean_paths, self._ridge_strength), body
 
     def _tool_moved(self, query: ArmQuery, latent: np.ndarray, start: np.ndarray) -> float:
         decoded = self._graph.decoder.configurations(latent[None])

@@ -368,7 +368,7 @@ class PoseQueryBuilder(QueryBuilder[Pose]):
         self, offsets: Offsets, ends: tuple[int, int], along_mean_paths: AlongMeanPaths
     ) -> tuple[WeightedGraph, MetricField, NodeBody]:
         graph = self._graph.transported(offsets, self._points, along_mean_paths.conformal)
-        field = self._graph.field(self._tensors, along_mean_paths.mean_paths, self._settings.ridge_strength)
+        field = self._graph.field(self._tensors, along_mean_paths.mean_paths, self._ridge_strength)
         return graph, field, NodeBody.of_tool(graph.body_points, self._radii)
 
     def _tool_moved(self, query: ArmQuery, latent: np.ndarray, start: Pose) -> float:

@@ -30,7 +30,7 @@ from typing import Any, ClassVar, Generic, Literal, NamedTuple, Protocol, TypeVa
 import numpy as np
 
 from geodesic_motion_ros.certification.declared_scene import DeclaredScene
-from geodesic_motion_ros.contract.settings import PlannerSettings
+from geodesic_motion_ros.contract.settings import BEGINS_WITHIN, ROUND_RIDGE, PlannerSettings
 from geodesic_motion_ros.contract.status import Figures, Refusal, VerdictCode
 from geodesic_motion_ros.geometry.pose import Pose
 from geodesic_motion_ros.geometry.task_frame import TaskFrame
@@ -283,6 +283,7 @@ class QueryBuilder(ABC, Generic[Output]):
         self._collision, self._links = collision, LinkBounds.of(collision)
         self._scene, self._scale = scene or DeclaredScene.empty(), scale
         self._round_frame = RoundFrame.of(skill)
+        self._ridge_strength = settings.ridge_strength * (1.0 if self._round_frame is None else ROUND_RIDGE)
         self._mean_paths = skill.mean_paths if settings.ridge_strength > 0.0 else None
         nowhere = np.zeros(len(scale))
         self._unconditioned = self._along_mean_paths(nowhere, nowhere, conditioned=False)
@@ -536,7 +537,7 @@ class QueryBuilder(ABC, Generic[Output]):
         rounds = [self._round_frame.rounds_to(begin, pole.latent) for pole in poles]
         pole = poles[int(np.argmin([abs(left - round(left)) for left in rounds]))]
         first = self._at_pole(pole, requested)
-        if np.linalg.norm(self._scale * first.beyond) < self._spread(pole):
+        if np.linalg.norm(self._scale * first.beyond) < BEGINS_WITHIN * self._spread(pole):
             # It lies among the beginnings that were demonstrated, or hardly beside them.
             return first
         means = [np.stack(values) for values in zip(*(self._values(pole.mean) for pole in poles), strict=True)]
@@ -629,7 +630,7 @@ class QueryBuilder(ABC, Generic[Output]):
         weights = sheet.weights(start_offset, goal_offset, conditioned)
         mean_paths = self._mean_paths.moved_to(np.einsum("kn,nsd->ksd", weights, self._skill.codes))
         corrections = sheet.corrections(self._graph.decoder, mean_paths, weights)
-        conformal = mean_paths.conformal_factors(self._graph.latent, self._settings.ridge_strength)
+        conformal = mean_paths.conformal_factors(self._graph.latent, self._ridge_strength)
         return AlongMeanPaths(corrections, conformal, mean_paths)
 
     def _cost_of_demonstration(self) -> float:

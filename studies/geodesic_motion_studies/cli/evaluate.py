@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from geodesic_motion_studies.experiments.imitation import Progress, Sheet
     from geodesic_motion_studies.experiments.imitation_report import ImitationReport
     from geodesic_motion_studies.experiments.joint_imitation import JointImitationReport
+    from geodesic_motion_studies.experiments.round_prediction import RoundReport, Rounds
 
 _SHEETS = ("canonical", "raw")
 
@@ -46,6 +47,10 @@ rows:     geodesic (inside the family of the demonstration), geodesic_any (throu
           conditional_mean (no manifold), mean_demonstration, joint_line (straight in joint space),
           nearest_demonstration, dmp_nearest, promp, reconstruction, people
 columns:  dtw_mm, orientation_deg, joint_dtw_rad, pointwise_mm, unanswered
+
+of rounds, poses or joints, from which `train` learns a closed skill; each is predicted from where it begins
+rows:     geodesic, mean_demonstration and nearest_demonstration, moved to the start
+columns:  dtw_mm, frechet_mm, orientation_deg, unanswered
 
 examples:
   geodesic-motion evaluate --demos pouring.npy --units cm --folds 0,3,6/1,4,7/2,5,8 --seeds 0,1,2 --json out/p.json
@@ -95,6 +100,7 @@ def run(arguments: argparse.Namespace) -> None:
     from geodesic_motion_ros.cli.recorded import (
         read_joint_recording,
         read_recording,
+        read_rounds,
         recorded_space,
         refuse_other_space,
     )
@@ -105,18 +111,37 @@ def run(arguments: argparse.Namespace) -> None:
                        arguments.demos)
     read = read_joint_recording if space == "joint" else read_recording
     demonstrations = read(arguments, arguments.demos)
-    count = len(demonstrations)
+    rounds = read_rounds(arguments, arguments.demos, space)
+    count = len(rounds or demonstrations)
     if arguments.splits == "all":
         folds = all_folds(count)
     else:
         folds = parse_folds(arguments.folds, count) if arguments.folds else default_folds(count)
     writable(arguments.json)
-    measure = _of_joints if space == "joint" else _of_poses
-    report = measure(demonstrations, folds, arguments)
+    if rounds is not None:
+        report = _of_rounds(rounds, folds, arguments)
+    else:
+        report = (_of_joints if space == "joint" else _of_poses)(demonstrations, folds, arguments)
     print(report.table())
     if arguments.json is not None:
         write_json(arguments.json, report.as_dict())
         print(f"wrote {arguments.json}")
+
+
+def _of_rounds(rounds: Rounds, folds: Sequence[Fold], arguments: argparse.Namespace) -> RoundReport:
+    from geodesic_motion_ros.demonstrations.joint_demonstrations import JointDemonstrations
+    from geodesic_motion_ros.learning.settings import JointTrainingSettings, TrainingSettings
+    from geodesic_motion_studies.experiments.round_prediction import evaluate_rounds
+    from geodesic_motion_studies.experiments.trained import trained_once
+
+    task, kind = arguments.demos.stem, JointTrainingSettings
+    if not isinstance(rounds, JointDemonstrations):
+        kind = TrainingSettings
+
+    def train(shown: Rounds, seed: int) -> Skill:
+        return trained_once(task, shown, kind(seed=seed, closed=True), arguments.skills)
+
+    return evaluate_rounds(rounds, folds, arguments.seeds, train, task)
 
 
 def _of_poses(demonstrations: Demonstrations, folds: Sequence[Fold], arguments: argparse.Namespace) -> ImitationReport:

@@ -33,6 +33,9 @@ def _of_poses(demonstrations: Demonstrations, held_out: tuple[int, ...], seed: i
     """Figures of the rows geodesic, people and simpler predictors of `evaluate`, for one skill."""
     from geodesic_motion_studies.experiments.imitation import evaluate
 
+    if skill.period is not None:
+        return _of_rounds(demonstrations, held_out, seed, skill)
+
     rows = evaluate(
         demonstrations, [held_out], [seed], lambda *_: skill, show_progress=False, sheets=[skill.sheet]
     ).rows  # fmt: skip
@@ -47,10 +50,27 @@ def _of_joints(
     """Figures of the rows geodesic, reconstruction, people and simpler predictors of `evaluate`, for one skill."""
     from geodesic_motion_studies.experiments.joint_imitation import evaluate_joints
 
+    if skill.period is not None:
+        return _of_rounds(demonstrations, held_out, seed, skill)
     report = evaluate_joints(demonstrations, [held_out], [seed], lambda *_: skill, show_progress=False)
     return {
         f"{name}_{column}": value
         for name, row in (("held_out", "geodesic"), *((row, row) for row in _BESIDE_JOINTS))
         for column, value in report.means(row).items()
+        if value is not None
+    }
+
+
+def _of_rounds(
+    rounds: Demonstrations | JointDemonstrations, held_out: tuple[int, ...], seed: int, skill: Skill
+) -> dict[str, Any]:
+    """Figures of all rows of `evaluate`, for one closed skill."""
+    from geodesic_motion_studies.experiments.round_prediction import evaluate_rounds
+
+    rows = evaluate_rounds(rounds, [held_out], [seed], lambda *_: skill, skill.name, show_progress=False).rows
+    return {
+        f"{'held_out' if row == 'geodesic' else row}_{column}": value
+        for row, values in rows.items()
+        for column, value in values.items()
         if value is not None
     }

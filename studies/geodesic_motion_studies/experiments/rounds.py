@@ -4,7 +4,7 @@ Wiping is a figure of eight that ten people draw a little differently, each with
 `wiping` makes it; with --demos a recording of joints is added, of rounds one after the other or one by one.
 
 error     distance [mm] of the tool from held-out rounds, of three folds, by dynamic time warping: of the planned round
-          from the start of the held-out one back to it, and of the mean round, moved there
+          from the start of the held-out one back to it, and of the mean round, moved there (`round_prediction`)
 seam      root mean square and largest jerk of the joints [rad/s^3], as commanded a thousand times a second in six
           rounds: within a quarter of a second of where a round is joined to the next, and elsewhere
 spheres   scenes of two rounds, half of them with a sphere that stands on the path, half with one that crosses it at
@@ -15,6 +15,7 @@ spheres   scenes of two rounds, half of them with a sphere that stands on the pa
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
@@ -29,22 +30,17 @@ from geodesic_motion_ros.demonstrations.demonstrations import Demonstration, Dem
 from geodesic_motion_ros.demonstrations.joint_demonstrations import JointDemonstrations
 from geodesic_motion_ros.demonstrations.readers import read_joint_takes
 from geodesic_motion_ros.demonstrations.recordings import Recording
-from geodesic_motion_ros.demonstrations.rounds import close_rounds
-from geodesic_motion_ros.geometry.curves import PoseCurve
-from geodesic_motion_ros.geometry.quaternions import continuous_signs
-from geodesic_motion_ros.geometry.task_frame import TaskFrame
 from geodesic_motion_ros.learning.settings import CommonSettings, JointTrainingSettings, TrainingSettings
 from geodesic_motion_ros.planning.planner import ReactivePlanner
-from geodesic_motion_ros.robot.body_points import end_effector_poses
 from geodesic_motion_ros.robot.inverse_kinematics import solve
 from geodesic_motion_ros.skill.skill import Skill
 from geodesic_motion_ros.utils.tables import text_table
 from geodesic_motion_ros.visualization.plots import write_figure
 from geodesic_motion_studies.experiments.folds import default_folds
+from geodesic_motion_studies.experiments.round_prediction import Rounds, evaluate_rounds
 from geodesic_motion_studies.experiments.study import Report, Study, option
 from geodesic_motion_studies.experiments.trained import trained_once
 from geodesic_motion_studies.tools.collision_geometry import CollisionGeometry
-from geodesic_motion_studies.tools.similarity import compare
 
 #: People, samples, and the time of a round [s].
 PEOPLE, SAMPLES, SECONDS = 10, 300, 4.0
@@ -97,7 +93,7 @@ class RoundsReport(Report):
     """All rows; paths : of the tool (n, 3) [m], one held-out round, planned and mean, by recording."""
 
     rows: tuple[RoundsRow, ...]
-    paths: dict[str, tuple[np.ndarray, np.ndarray, np.ndarray]]
+    paths: dict[str, tuple[np.ndarray, ...]]
 
     def as_dict(self) -> dict[str, Any]:
         return {"rows": [asdict(row) | {"over_mean": row.planned_mm / row.mean_mm} for row in self.rows]}
@@ -138,39 +134,50 @@ class RoundsStudy(Study):
     steps: int | None = option(None, "of the trainings; without it as many as they have by default", type=int)
 
     def measure(self, out: Path) -> RoundsReport:
-        rows, paths = [], {}
-        given: dict[str, Demonstrations | JointDemonstrations] = {"wiping": wiping(self.seed)}
+        given: dict[str, Rounds] = {"wiping": wiping(self.seed)}
         if self.demos is not None:
             file = Path(self.demos)
             takes = read_joint_takes(file, self.robot)
             given[file.stem] = Recording.of_files(takes, self.robot, closed=True).demonstrations()
+        rows, paths = [], {}
         for name, rounds in given.items():
-            errors, lost = [], 0
-            for fold in tqdm(default_folds(len(rounds)), desc=f"{name}: held out"):
-                shown, hidden = rounds.split(fold)
-                planner = _planner(trained_once(name, shown, self._settings(shown), out / "skills"))
-                for item in hidden:
-                    curves = _compared(planner, shown, item)
-                    lost += curves is None
-                    if curves is not None:
-                        errors.append([compare(curve, curves[0]).dtw for curve in curves[1:]])
-                        paths[name] = tuple(curve.positions for curve in curves)
-            skill = trained_once(name, rounds, self._settings(rounds), out / "skills")
-            seam, elsewhere = _jerks(skill)
-            outcomes = []
-            if name == "wiping":
-                outcomes = [_play(skill, self.seed + number) for number in tqdm(range(self.scenes), desc="scenes")]
-            planned, mean = 1e3 * np.mean(errors, axis=0)
-            rms = [float(np.sqrt(np.mean(jerk**2))) for jerk in (seam, elsewhere)]
-            largest = [float(jerk.max()) for jerk in (seam, elsewhere)]
-            touched, done = np.array(outcomes, dtype=int).reshape(-1, 2).T
-            rows.append(RoundsRow(
-                name, len(rounds), float(planned), float(mean), lost, *rms, *largest, len(outcomes),
-                int(touched.sum()), int(np.sum(done >= ROUNDS)), int(np.sum(done < 1)),
-            ))  # fmt: skip
+            def train(shown: Rounds, seed: int, name: str = name) -> Skill:
+                return trained_once(name, shown, self._settings(shown), out / "skills")
+
+            row, paths[name] = self.row(name, rounds, train, self.scenes if name == "wiping" else 0)
+            rows.append(row)
         return RoundsReport(tuple(rows), paths)
 
-    def _settings(self, rounds: Demonstrations | JointDemonstrations) -> CommonSettings:
+    def row(
+        self, name: str, rounds: Rounds, train: Callable[[Rounds, int], Skill], scenes: int
+    ) -> tuple[RoundsRow, tuple[np.ndarray, ...]]:
+        """Measure one recording, with skills that `train` makes of rounds and a seed; and return its paths."""
+        predicted = evaluate_rounds(rounds, default_folds(len(rounds)), (0,), train, f"{name}: held out")
+        planned, mean = (predicted.rows[row] for row in ("geodesic", "mean_demonstration"))
+        skill = train(rounds, 0)
+        jerks = _jerks(skill)
+        seam_rms, elsewhere_rms = (float(np.sqrt(np.mean(jerk**2))) for jerk in jerks)
+        seam_largest, elsewhere_largest = (float(jerk.max()) for jerk in jerks)
+        outcomes = [_play(skill, self.seed + number) for number in tqdm(range(scenes), desc="scenes")]
+        touched, done = np.array(outcomes, dtype=int).reshape(-1, 2).T
+        row = RoundsRow(
+            recording=name,
+            rounds=len(rounds),
+            planned_mm=planned["dtw_mm"],
+            mean_mm=mean["dtw_mm"],
+            unanswered=planned["unanswered"],
+            seam_rms=seam_rms,
+            elsewhere_rms=elsewhere_rms,
+            seam_largest=seam_largest,
+            elsewhere_largest=elsewhere_largest,
+            scenes=len(outcomes),
+            touched=int(touched.sum()),
+            both_rounds=int(np.sum(done >= ROUNDS)),
+            no_round=int(np.sum(done < 1)),
+        )
+        return row, tuple(curve.positions for curve in predicted.paths[:3])
+
+    def _settings(self, rounds: Rounds) -> CommonSettings:
         steps = {} if self.steps is None else {"steps": self.steps}
         kind = JointTrainingSettings if isinstance(rounds, JointDemonstrations) else TrainingSettings
         return kind(closed=True, **steps)
@@ -178,34 +185,6 @@ class RoundsStudy(Study):
 
 def _planner(skill: Skill, **settings: Any) -> ReactivePlanner:
     return ReactivePlanner(skill, PlannerSettings(**settings), scene=DeclaredScene.empty())
-
-
-def _compared(
-    planner: ReactivePlanner, shown: Demonstrations | JointDemonstrations, item: Any
-) -> tuple[PoseCurve, PoseCurve, PoseCurve] | None:
-    """The tool's path in a held-out round, in the planned one and in the mean one; None: there is no plan."""
-    if isinstance(shown, JointDemonstrations):
-        here = item.configurations[0]
-        goal = planner.arm.queries.goal_by_configuration(here, TaskFrame.identity())
-        plan = planner.plan_configurations(here, goal)
-        even = close_rounds(shown.resample(SAMPLES), 0.0)
-        mean = np.mean([one.configurations for one in even], axis=0)
-        held_out, mean_round = (_tool_path(planner, path) for path in (item.configurations, mean + here - mean[0]))
-    else:
-        pose = item.positions[0], item.quaternions[0]
-        plan = planner.plan(*pose, *pose)
-        even = close_rounds(shown.resample(SAMPLES), 0.1)
-        mean = np.mean([one.positions for one in even], axis=0)
-        held_out = PoseCurve(item.positions, item.quaternions)
-        mean_round = PoseCurve(mean + pose[0] - mean[0], np.tile(pose[1], (SAMPLES, 1)))
-    if plan.reference is None:
-        return None
-    return held_out, _tool_path(planner, plan.reference.positions), mean_round
-
-
-def _tool_path(planner: ReactivePlanner, configurations: np.ndarray) -> PoseCurve:
-    positions, quaternions = end_effector_poses(np.ascontiguousarray(configurations), planner.robot.chain)
-    return PoseCurve(positions, continuous_signs(quaternions))
 
 
 def _begun(skill: Skill, **settings: Any) -> ReactivePlanner:
