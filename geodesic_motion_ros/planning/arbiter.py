@@ -11,6 +11,8 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, replace
 
+import numpy as np
+
 from geodesic_motion_ros.contract.mode import Purpose
 from geodesic_motion_ros.contract.settings import JOIN_LASTS, LAST_JOIN
 from geodesic_motion_ros.contract.status import Refusal, VerdictCode
@@ -36,8 +38,11 @@ PROPOSERS: tuple[Proposer, ...] = (
 
 
 def _begins_smoothly(reference: JointReference) -> bool:
-    """Whether a motion begins with no more jerk than it has later on, until half of it: to come to rest takes more."""
-    return reference.largest_jerk(0.0, JOIN_LASTS) <= reference.largest_jerk(JOIN_LASTS, 0.5 * reference.duration)
+    """Whether a motion begins with no more jerk than it has later on, at most and in the mean square, until half of it:
+    to come to rest takes more.
+    """
+    begin, later = reference.jerks(0.0, JOIN_LASTS), reference.jerks(JOIN_LASTS, 0.5 * reference.duration)
+    return bool(begin.max() <= later.max() and np.mean(begin**2) <= np.mean(later**2))
 
 
 @dataclass(frozen=True, eq=False)

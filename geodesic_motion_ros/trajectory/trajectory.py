@@ -70,12 +70,13 @@ class JointReference:
         """The same at many times (k,) at once: (3, k, eta)."""
         return quintic_samples(self.times, self.positions, self.velocities, self.accelerations, times)
 
-    def largest_jerk(self, begin: float, end: float) -> float:
-        """Largest jerk [rad/s^3] of a joint from `begin` to `end` [s], over each millisecond; 0 where that is none."""
+    def jerks(self, begin: float, end: float) -> np.ndarray:
+        """Largest jerk [rad/s^3] of a joint in each millisecond from `begin` to `end` [s], (k,); 0 where that is none.
+        """
         times = np.arange(begin, end, 1e-3)
         if len(times) < 2:
-            return 0.0
-        return float(np.abs(np.diff(self.samples(times)[2], axis=0)).max()) / 1e-3
+            return np.zeros(1)
+        return np.abs(np.diff(self.samples(times)[2], axis=0)).max(axis=1) / 1e-3
 
     def latent_at(self, time: float) -> np.ndarray:
         """Latent point (d,) at `time` [s], constant beyond both ends."""

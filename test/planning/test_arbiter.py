@@ -306,10 +306,11 @@ def test_why_there_is_no_detour_is_said_beside_why_there_is_no_path(arm: Arm) ->
 
 
 def test_a_motion_that_begins_with_a_jolt_is_another_than_one_that_does_not() -> None:
-    """The jolt is an acceleration that is taken up within a knot."""
-    share = np.linspace(0.0, 1.0, 60)[:, None]
-    smooth = timed_joint_reference(ROBOT.ready + TURN * share * np.eye(7)[0], np.hstack([1.0 - share, share]), LIMITS)
-    later = smooth.rest(0.5 * smooth.duration)
+    """It winds more and more; the jolt is an acceleration that is taken up within a knot."""
+    share = np.linspace(0.0, 1.0, 200)[:, None]
+    path = ROBOT.ready + 2.0 * share * np.eye(7)[0] + 0.1 * share**2 * np.sin(12.0 * np.pi * share) * np.eye(7)[1]
+    smooth = timed_joint_reference(path, np.hstack([1.0 - share, share]), LIMITS, shown=6.0 * share[:, 0])
+    later = smooth.rest(0.2 * smooth.duration)
     assert _begins_smoothly(later)
     accelerations = later.accelerations.copy()
     accelerations[0] += 1.0
