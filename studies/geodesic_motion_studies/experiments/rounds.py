@@ -5,7 +5,7 @@ Wiping is a figure of eight that ten people draw a little differently, each with
 
 error     distance [mm] of the tool from held-out rounds, of three folds, by dynamic time warping: of the planned round
           from the start of the held-out one back to it, and of the mean round, moved there (`round_prediction`)
-seam      root mean square and largest jerk of the joints [rad/s^3], as commanded a thousand times a second in six
+seam      root mean square and largest jerk of the joints [rad/s^3], as commanded a thousand times a second in some
           rounds: within a quarter of a second of where a round is joined to the next, and elsewhere
 spheres   scenes of two rounds, half of them with a sphere that stands on the path, half with one that crosses it at
           0.1 to 0.4 m/s, 0.3 m and more beside the axis of the base: in how many the arm touched it in motion or
@@ -125,10 +125,11 @@ class RoundsReport(Report):
 
 @dataclass(frozen=True)
 class RoundsStudy(Study):
-    """Learn from two thirds of the rounds and predict the rest; play six rounds; play scenes with spheres."""
+    """Learn from two thirds of the rounds and predict the rest; play some rounds; play scenes with spheres."""
 
     demos: str | None = option(None, "recording of joints with rounds", type=str, metavar="FILE")
     robot: str = option("iiwa14", "that was recorded")
+    played: int = option(6, "rounds for the jerk at seams", least=2)
     scenes: int = option(100, "with a sphere, of wiping", least=0)
     seed: int = option(10000, "of the first scene, and of the people who wipe", least=0)
     steps: int | None = option(None, "of the trainings; without it as many as they have by default", type=int)
@@ -155,7 +156,7 @@ class RoundsStudy(Study):
         predicted = evaluate_rounds(rounds, default_folds(len(rounds)), (0,), train, f"{name}: held out")
         planned, mean = (predicted.rows[row] for row in ("geodesic", "mean_demonstration"))
         skill = train(rounds, 0)
-        jerks = _jerks(skill)
+        jerks = _jerks(skill, self.played)
         seam_rms, elsewhere_rms = (float(np.sqrt(np.mean(jerk**2))) for jerk in jerks)
         seam_largest, elsewhere_largest = (float(jerk.max()) for jerk in jerks)
         outcomes = [_play(skill, self.seed + number) for number in tqdm(range(scenes), desc="scenes")]
@@ -199,11 +200,11 @@ def _begun(skill: Skill, **settings: Any) -> ReactivePlanner:
     return planner
 
 
-def _jerks(skill: Skill) -> tuple[np.ndarray, np.ndarray]:
+def _jerks(skill: Skill, rounds: int) -> tuple[np.ndarray, np.ndarray]:
     """The largest jerk of a joint [rad/s^3] in each millisecond near seams, and elsewhere, of rounds in full motion."""
     planner, joined, samples, times = _begun(skill), [], [], []
     now, before = 0.0, 0
-    while planner.round < 6 and now < 60.0:
+    while planner.round < rounds and now < 10.0 * rounds:
         planner.tick(now)
         if planner.round != before:
             joined.append(planner.takeover)

@@ -70,7 +70,7 @@ def test_a_refused_round_is_counted_and_not_averaged(skill: Skill) -> None:
 
 
 def test_a_row_says_what_was_predicted_and_played(skill: Skill, tmp_path: Path) -> None:
-    row, paths = RoundsStudy(seed=2).row("wiping", circles(), lambda *_: skill, scenes=1)
+    row, paths = RoundsStudy(seed=2, played=3).row("wiping", circles(), lambda *_: skill, scenes=1)
     assert row.recording == "wiping"
     assert (row.rounds, row.scenes) == (5, 1)
     assert 0 <= row.touched + row.no_round <= 1
