@@ -10,8 +10,8 @@ nodes, edges, MB   of the skill's graph; build s : processor time to decode it
 median, largest    of several queries, each from a drawn code in the first half of a demonstration to where another one
                    ends: length of the planner's path, searched and refined as a tick does it, over the refined
                    geodesic. That is the shortest of three curves: two that are moved to the least energy under the
-                   continuous metric, every point decoded (`tools.chord_geodesic`), one of them begun as the planner's
-                   path, one as the mean path, on a raw sheet as the straight line; and the planner's path itself
+                   continuous metric, every point decoded (`tools.chord_geodesic`), one begun as the planner's path,
+                   one as the mean path, on a raw sheet as the straight line; and the planner's path itself
 none               queries without a path
 tick               p50 and p99 [ms] of all ticks of several motions, each crossed by one sphere that is seen elsewhere in
                    every tick (`benchmarks.moving`): by the clock, and processor time, which other programs on the
@@ -184,10 +184,11 @@ class Dimension(Study):
         planner, graph = bench.planner, bench.planner.graph
         found = [length_over_geodesic(planner, query) for query in drawn_queries(planner, self.queries, seed)]
         ratios = [ratio for ratio in found if ratio is not None]
+        median, largest = (float(np.median(ratios)), max(ratios)) if ratios else (math.nan, math.nan)
         return DimensionRow(
             skill.decoder.latent_dimension, seed, skill.quality["training_position_error_mm"], held_out_mm,
             len(graph.latent), len(graph.edges), megabytes, build_s,
-            float(np.median(ratios)) if ratios else math.nan, max(ratios, default=math.nan), len(found) - len(ratios),
+            median, largest, len(found) - len(ratios),
             *(percentiles_ms(times)[which] for times in (ticks.every.wall, ticks.every.cpu) for which in ("p50", "p99")),
         )  # fmt: skip
 
