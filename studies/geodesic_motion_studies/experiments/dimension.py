@@ -13,8 +13,8 @@ median, largest    of several queries, each from a drawn code in the first half 
                    continuous metric, every point decoded (`tools.chord_geodesic`), one begun as the planner's path,
                    one as the mean path, on a raw sheet as the straight line; and the planner's path itself
 none               queries without a path
-tick               p50 and p99 [ms] of all ticks of several motions, each crossed by one sphere that is seen elsewhere in
-                   every tick (`benchmarks.moving`): by the clock, and processor time, which other programs on the
+tick               p50 and p99 [ms] of all ticks of several motions, each crossed by one sphere that is seen elsewhere
+                   in every tick (`benchmarks.moving`): by the clock, and processor time, which other programs on the
                    machine change less; each tick counts by its faster play
 """
 
@@ -181,6 +181,8 @@ class Dimension(Study):
         bench, ticks, random = MovingBench(skill, self.motions, PLAYS), MovingTicks(), np.random.default_rng(seed)
         for motion in bench.motions:
             bench.ticks(motion, bench.spheres(motion, 1, random), ticks, compared=1)
+        both = [percentiles_ms(each) for each in (ticks.every.wall, ticks.every.cpu)]
+        times = [each[which] for each in both for which in ("p50", "p99")]
         planner, graph = bench.planner, bench.planner.graph
         found = [length_over_geodesic(planner, query) for query in drawn_queries(planner, self.queries, seed)]
         ratios = [ratio for ratio in found if ratio is not None]
@@ -189,7 +191,7 @@ class Dimension(Study):
             skill.decoder.latent_dimension, seed, skill.quality["training_position_error_mm"], held_out_mm,
             len(graph.latent), len(graph.edges), megabytes, build_s,
             median, largest, len(found) - len(ratios),
-            *(percentiles_ms(times)[which] for times in (ticks.every.wall, ticks.every.cpu) for which in ("p50", "p99")),
+            *times,
         )  # fmt: skip
 
 
