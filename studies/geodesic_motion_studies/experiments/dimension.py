@@ -109,8 +109,8 @@ class DimensionReport(Report):
         panels = figure.subplots(2, 2)
         at = [row.dimension for row in self.rows]
         for axes, label, shown in (
-            (panels[0, 0], "error of the tool, given back [mm]", {"learned": "learned_mm", "held out": "held_out_mm"}),
-            (panels[0, 1], "longer than the refined geodesic [%]", {"median": "median", "largest": "largest"}),
+            (panels[0, 0], "error, given back [mm]", {"learned": "learned_mm", "held out": "held_out_mm"}),
+            (panels[0, 1], "longer than the geodesic [%]", {"median": "median", "largest": "largest"}),
             (panels[1, 0], "of the graph", {"time to build [s]": "build_s", "memory [MB]": "megabytes"}),
             (panels[1, 1], "tick with one sphere [ms]", {"p50": "tick_p50", "p99": "tick_p99"}),
         ):
@@ -120,13 +120,13 @@ class DimensionReport(Report):
                 axes.plot(at, values, marker, color=colour, label=name)
             axes.set(xlabel="latent dimensions", xticks=sorted(set(at)), ylabel=label)
             axes.grid(alpha=0.3)
-            axes.set_ylim(bottom=0.0)
         for axes, bars in ((panels[0, 1], 100.0 * (np.array(LENGTH_BARS) - 1.0)), (panels[1, 1], TICK_BARS)):
             for bar, colour in zip(bars, (BLUE, VERMILION), strict=True):
                 axes.axhline(bar, color=colour, linestyle=":", linewidth=1.2)
             axes.plot([], [], ":", color="black", label="asked")
         for axes, title in zip(panels.flat, ("a  reconstruction", "b  paths", "c  graphs", "d  ticks"), strict=True):
             axes.set_title(title, loc="left", fontsize=11)
+            axes.set_ylim(bottom=0.0)
             axes.legend(frameon=False)
         write_figure(figure, path)
 
