@@ -60,6 +60,7 @@ from geodesic_motion_studies.tools.chord_geodesic import ChordMetric, shortened
 FAMILIES, PER_FAMILY, SAMPLES, SECONDS = 3, 4, 80, 4.0
 #: Of each motion whose ticks are measured.
 PLAYS = 2
+TRAINING = JointTrainingSettings(**BRIEFLY)
 #: The bars: of the median and of the largest length, and of the ticks [ms].
 LENGTH_BARS, TICK_BARS = (1.02, 1.1), (1.0, 5.0)
 
@@ -156,7 +157,7 @@ class Dimension(Study):
     steps: int | None = steps()
     queries: int = option(30, "whose paths are measured", least=1)
     motions: int = option(6, "whose ticks are measured", least=1)
-    training: JointTrainingSettings = JointTrainingSettings(**BRIEFLY)
+    training: JointTrainingSettings = TRAINING
 
     def measure(self, out: Path) -> DimensionReport:
         name, shown = "reaches", None if self.demos is None else read_joint_demonstrations(Path(self.demos), self.robot)
