@@ -1,12 +1,15 @@
 """Nodes of latent spaces of more than three dimensions, where a lattice would be nearly all empty: samples of the tube.
 
 Candidates are drawn where the model is supported: codes of the demonstrations and their mean paths with the covariance
-of the codes, q(z | s), each moved in any direction by up to where the kernels end. Of these so many are kept that every
-candidate has a node near, and no two nodes are close (a greedy cover, near the farthest-point sampling of T. Gonzalez,
-"Clustering to minimize the maximum intercluster distance", Theoretical Computer Science 38, 1985). Near is what the
-decoder says: points are compared where it embeds them, in the space whose chords are the metric's short distances. Each
-node is joined to its nearest there, as in the graphs of N. Chen et al., "Fast approximate geodesics for deep generative
-models" (ICANN 2019).
+of the codes, q(z | s), most of them moved in any direction by up to where the kernels end. Of these so many are kept
+that every candidate has a node near, and no two nodes are close (a greedy cover, near the farthest-point sampling of
+T. Gonzalez, "Clustering to minimize the maximum intercluster distance", Theoretical Computer Science 38, 1985). Near is
+what the decoder says: points are compared where it embeds them, in the space whose chords are the metric's short
+distances. Each node is joined to its nearest there, as in the graphs of N. Chen et al., "Fast approximate geodesics for
+deep generative models" (ICANN 2019), and in turn to those that mean paths and demonstrations pass.
+
+Where axes of the latent space decode to hardly anything many candidates decode alike. The one nearest to a mean path is
+kept: off mean paths the metric grows e to the tenth times, and paths along nodes that lie anywhere would be dear.
 
 Sigma takes no part in choosing nodes: it only raises walls, and most nodes would stand in them.
 """
@@ -90,34 +93,53 @@ def sample_nodes(
     """
     candidates = _candidates(codes, mean_paths, deviation)
     candidates = candidates[supported(candidates)]
+    if mean_paths is not None:
+        # Of those that decode alike the first is kept.
+        candidates = candidates[np.argsort(mean_paths.conformal_factors(candidates, 1.0), kind="stable")]
     if len(candidates) < 2:
         return candidates, np.empty((0, 2), dtype=int), np.ones(codes.shape[-1])
     decoded = embedded(candidates)
     share = _LATENT_SHARE * math.sqrt(np.var(decoded, axis=0).sum() / np.var(candidates, axis=0).sum())
-    places = _principal(np.concatenate([decoded, share * candidates], axis=1))
+    axes = _principal_axes(np.concatenate([decoded, share * candidates], axis=1))
+
+    def placed(latent: np.ndarray) -> np.ndarray:
+        return np.concatenate([embedded(latent), share * latent], axis=1) @ axes
+
+    places = placed(candidates)
     kept = np.sort(_cover(places, MOST_NODES))
     latent, places = candidates[kept], places[kept]
-    _, near = cKDTree(places).query(places, k=min(neighbours + 1, len(places)))
-    pairs = np.stack([np.repeat(np.arange(len(near)), near.shape[1] - 1), near[:, 1:].reshape(-1)], axis=1)
-    edges = np.unique(np.sort(pairs, axis=1), axis=0)
+    tree = cKDTree(places)
+    near = tree.query(places, k=min(neighbours + 1, len(places)))[1]
+    pairs = [np.stack([np.repeat(np.arange(len(near)), near.shape[1] - 1), near[:, 1:].reshape(-1)], axis=1)]
+    # The next node along a path need not be among the nearest.
+    for curve in codes if mean_paths is None else np.concatenate([mean_paths.centres, codes]):
+        passed = tree.query(placed(curve))[1]
+        pairs.append(np.stack([passed[:-1], passed[1:]], axis=1))
+    edges = np.unique(np.sort(np.concatenate(pairs), axis=1), axis=0)
     return latent, edges[edges[:, 0] != edges[:, 1]], _spacing(latent, share, embedded)
 
 
 def _candidates(codes: np.ndarray, mean_paths: MeanPaths | None, deviation: float) -> np.ndarray:
-    """The codes themselves, and points drawn around them and around the mean paths."""
+    """The mean paths, their ends first, the codes, and points drawn around both."""
     random, dimension = np.random.default_rng(_SEED), codes.shape[-1]
     count = _CANDIDATES * MOST_NODES
-    if mean_paths is None:
-        inside = _drawn_between(codes, count, random)[0]
-    else:
-        centres, which, at = _drawn_between(mean_paths.centres, count - count // 2, random)
+    shown, inside = [codes], _drawn_between(codes, count, random)[0]
+    away = _TUBE * deviation * random.random((count, 1)) * _directions(count, dimension, random)
+    if mean_paths is not None:
+        half = count // 2
+        centres, which, at = _drawn_between(mean_paths.centres, half, random)
         spread = np.linalg.cholesky(np.linalg.inv(mean_paths.precisions))[which, at]
-        moved = np.einsum("nab,nb->na", spread, random.normal(size=centres.shape))
-        inside = np.concatenate([_drawn_between(codes, count // 2, random)[0], centres + moved])
+        inside[:half] = centres + np.einsum("nab,nb->na", spread, random.normal(size=centres.shape))
+        # Where paths without obstacles run.
+        away[: half // 2] = 0.0
+        shown = [mean_paths.centres[:, [0, -1]], mean_paths.centres, codes]
+    return np.concatenate([*(each.reshape(-1, dimension) for each in shown), inside + away])
+
+
+def _directions(count: int, dimension: int, random: np.random.Generator) -> np.ndarray:
+    """So many unit vectors (n, d) in any direction."""
     directions = random.normal(size=(count, dimension))
-    directions /= np.linalg.norm(directions, axis=1, keepdims=True)
-    away = _TUBE * deviation * random.random((count, 1)) * directions
-    return np.concatenate([codes.reshape(-1, dimension), inside + away])
+    return directions / np.linalg.norm(directions, axis=1, keepdims=True)
 
 
 def _drawn_between(
@@ -143,12 +165,12 @@ def _spacing(latent: np.ndarray, share: float, embedded: Callable[[np.ndarray], 
     return spacing * float(np.median(nearest))
 
 
-def _principal(points: np.ndarray) -> np.ndarray:
-    """Points (n, F) along their principal axes, (n, f): trees are slow in many dimensions."""
+def _principal_axes(points: np.ndarray) -> np.ndarray:
+    """Find the principal axes (F, f) of points (n, F): trees are slow in many dimensions."""
     centred = points - points.mean(axis=0)
     variances, axes = np.linalg.eigh(centred.T @ centred)
     # What is left out is less than a hundredth of the deviation.
-    return np.ascontiguousarray(centred @ axes[:, np.cumsum(variances) > 1e-4 * variances.sum()])
+    return axes[:, np.cumsum(variances) > 1e-4 * variances.sum()]
 
 
 def _cover(places: np.ndarray, most: int) -> np.ndarray:

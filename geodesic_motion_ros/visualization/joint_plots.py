@@ -40,7 +40,10 @@ from geodesic_motion_ros.visualization.plots import (
     DrawnPath,
     Sphere,
     draw_in_space,
+    draw_nodes,
     legend_below,
+    name_axes,
+    seen_curve,
     shown_axes,
     write_figure,
 )
@@ -181,17 +184,21 @@ def draw_latent_tubes(
         _magnification(figure, axes, graph, shown)
     if obstacles:
         colliding = np.any([colliding_nodes(planner, obstacle) for obstacle in obstacles], axis=0)
-        axes.scatter(*graph.latent[colliding][:, shown].T, s=9, color=ORANGE, alpha=0.5, linewidths=0.0, zorder=3)
+        touched = graph.latent[colliding][:, shown].T
+        if len(shown) == 1:
+            axes.vlines(touched[0], 0.0, 1.0, color=ORANGE, alpha=0.5, linewidth=1.5, zorder=3)
+        else:
+            axes.scatter(*touched, s=9, color=ORANGE, alpha=0.5, linewidths=0.0, zorder=3)
         handles.append(Patch(facecolor=ORANGE, alpha=0.6, label="the arm would touch the obstacle"))
     modes = np.zeros(len(skill.codes), dtype=int) if skill.canonical is None else skill.canonical.modes
     for code, mode in zip(skill.codes, modes, strict=True):
-        axes.plot(*code[:, shown].T, color=FAMILY_COLOURS[mode], linewidth=0.9, alpha=0.9, zorder=4)
+        axes.plot(*seen_curve(code, shown).T, color=FAMILY_COLOURS[mode], linewidth=0.9, alpha=0.9, zorder=4)
     for mode in np.unique(modes):
         said = "demonstrations" if modes.max() == 0 else f"demonstrations, family {mode}"
         handles.append(Line2D([], [], color=FAMILY_COLOURS[mode], linewidth=1.2, label=said))
     named: dict[str, Line2D | Patch] = {}
     for drawn in paths:
-        latent = drawn.latent[:, shown]
+        latent = seen_curve(drawn.latent, shown)
         axes.plot(*latent.T, color="white", linewidth=4.0, zorder=5)
         (named[drawn.name],) = axes.plot(
             *latent.T, drawn.style, color=drawn.colour, linewidth=2.4, label=drawn.name, zorder=6
@@ -211,6 +218,9 @@ def _frame(axes: Axes, skill: Skill, shown: np.ndarray, zoom: float) -> None:
     for name, axis in zip("xyz", shown, strict=False):
         getattr(axes, f"set_{name}lim")(skill.latent_lower[axis], skill.latent_upper[axis])
         getattr(axes, f"set_{name}label")(f"$z_{axis + 1}$")
+    if len(shown) == 1:
+        name_axes(axes, shown)
+        axes.set_ylim(0.0, 1.0)
     if len(shown) == 3:
         axes.view_init(24.0, -62.0)
         axes.set_proj_type("ortho")
@@ -223,12 +233,11 @@ def _frame(axes: Axes, skill: Skill, shown: np.ndarray, zoom: float) -> None:
 
 
 def _magnification(figure: Figure, axes: Axes, graph: ConfigurationGraph, shown: np.ndarray) -> None:
-    """The nodes by their magnification factor, on two axes of the latent space."""
+    """The nodes by their magnification factor, on the axes of the latent space that are shown."""
     values = joint_magnification_factor(graph)
     low, high = np.percentile(values, [2.0, 98.0])
-    drawn = axes.scatter(
-        *graph.latent[:, shown].T, c=values, s=14, marker="s", cmap="Greys", vmin=low, vmax=high, linewidths=0.0
-    )
+    drawn = draw_nodes(axes, graph.latent, shown, values, s=14, marker="s")
+    drawn.set_clim(low, high)
     figure.colorbar(drawn, ax=axes, label=r"magnification factor  $\log\sqrt{\det M(z)}$", shrink=0.9, pad=0.02)
 
 

@@ -10,11 +10,13 @@ import os
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.cm import ScalarMappable
+from matplotlib.collections import Collection
 from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
@@ -163,8 +165,9 @@ def training_report(skill: Skill, path: str | os.PathLike[str]) -> None:
         axes = figure.add_subplot(1, 2, 1)
         flat = len(skill.latent_lower) == 2
         handles = latent_background(figure, axes, skill) if flat else _nodes_background(figure, axes, planner)
-        handles += draw_latent_paths(axes, [replace(path, latent=path.latent[:, shown]) for path in paths])
-        _frame_codes(axes, skill, np.concatenate([*codes, line, *geodesics])[:, shown], shown)
+        handles += draw_latent_paths(axes, [replace(path, latent=seen_curve(path.latent, shown)) for path in paths])
+        seen = [seen_curve(curve, shown) for curve in (*codes, line, *geodesics)]
+        _frame_codes(axes, skill, np.concatenate(seen), shown)
     axes.set_title(f"Latent space of {skill.name}", loc="left", fontsize=11)
     space = figure.add_subplot(1, 2, 2, projection="3d", computed_zorder=False)
     draw_in_space(space, [skill.decoder.decode(code).positions for code in codes], paths, zoom=0.9)
@@ -174,21 +177,40 @@ def training_report(skill: Skill, path: str | os.PathLike[str]) -> None:
 
 
 def shown_axes(skill: Skill) -> np.ndarray:
-    """Choose the two axes (2,) of a latent space along which the codes vary most; of one dimension that one twice."""
+    """Choose the two axes (2,) of a latent space along which the codes vary most; of one dimension that one (1,)."""
     spread = np.ptp(skill.codes.reshape(-1, skill.codes.shape[-1]), axis=0)
-    return np.sort(np.argsort(spread)[-2:]) if len(spread) > 1 else np.zeros(2, dtype=int)
+    return np.sort(np.argsort(spread)[-2:])
+
+
+def seen_curve(latent: np.ndarray, shown: np.ndarray) -> np.ndarray:
+    """Take the axes of a curve (n, d) that are shown; beside a single one stands the share of the curve, (n, 2)."""
+    if len(shown) > 1:
+        return latent[:, shown]
+    return np.column_stack([latent[:, shown], np.linspace(0.0, 1.0, len(latent))])
+
+
+def name_axes(axes: Axes, shown: np.ndarray) -> None:
+    """Label the axes on which `seen_curve` is drawn."""
+    other = f"$z_{shown[1] + 1}$" if len(shown) > 1 else "share of the curve"
+    axes.set(xlabel=f"$z_{shown[0] + 1}$", ylabel=other)
+
+
+def draw_nodes(axes: Axes, latent: np.ndarray, shown: np.ndarray, values: np.ndarray, **style: Any) -> Collection:
+    """Draw nodes (n, d) by values (n,) on the axes that are shown; as upright lines on a single one."""
+    if len(shown) == 1:
+        return axes.vlines(latent[:, shown[0]], 0.0, 1.0, array=values, cmap="Greys", linewidth=1.5, alpha=0.6)
+    return axes.scatter(*latent[:, shown].T, c=values, cmap="Greys", linewidths=0.0, **style)
 
 
 def _nodes_background(figure: Figure, axes: Axes, planner: PosePathPlanner) -> list[Line2D | Patch]:
     """The nodes of a graph by their sigma, the surest last, with demonstrations, on the axes that are shown."""
     skill, graph = planner.skill, planner.graph
     shown, order = shown_axes(skill), np.argsort(-graph.sigma)
-    at, sigma = graph.latent[order][:, shown], 1e3 * graph.sigma[order]
-    drawn = axes.scatter(*at.T, c=sigma, s=6, cmap="Greys", linewidths=0.0)
+    drawn = draw_nodes(axes, graph.latent[order], shown, 1e3 * graph.sigma[order], s=6)
     figure.colorbar(drawn, ax=axes, label="sigma of the nodes [mm]", shrink=0.9, pad=0.02)
     for code in skill.codes:
-        axes.plot(*code[:, shown].T, color=GREY, linewidth=0.9)
-    axes.set(xlabel=f"$z_{shown[0] + 1}$", ylabel=f"$z_{shown[1] + 1}$")
+        axes.plot(*seen_curve(code, shown).T, color=GREY, linewidth=0.9)
+    name_axes(axes, shown)
     return [Line2D([], [], color=GREY, linewidth=0.9, label="demonstrations")]
 
 
@@ -284,11 +306,12 @@ def draw_latent_paths(axes: Axes, paths: Sequence[DrawnPath]) -> list[Line2D | P
 
 
 def _frame_codes(axes: Axes, skill: Skill, codes: np.ndarray, shown: Sequence[int] | np.ndarray = (0, 1)) -> None:
-    """Show the part of the box that holds codes (n, 2) of the axes that are shown, with a margin."""
+    """Show the part of the box that holds codes (n, 2), as of `seen_curve`, with a margin."""
     lower, upper = codes.min(axis=0), codes.max(axis=0)
     margin, own = 0.14 * (upper - lower), list(shown)
-    lower = np.maximum(lower - margin, skill.latent_lower[own])
-    upper = np.minimum(upper + margin, skill.latent_upper[own])
+    lower, upper = lower - margin, upper + margin
+    lower[: len(own)] = np.maximum(lower[: len(own)], skill.latent_lower[own])
+    upper[: len(own)] = np.minimum(upper[: len(own)], skill.latent_upper[own])
     axes.set_xlim(lower[0], upper[0])
     axes.set_ylim(lower[1], upper[1])
 

@@ -130,9 +130,11 @@ def _skill(planner: ReactivePlanner) -> str:
     skill, graph = planner.skill, planner.graph
     start, goal = skill.start_pose, skill.goal_pose
     modes = [] if skill.canonical is None else np.bincount(skill.canonical.modes.astype(int)).tolist()
+    dimension = skill.decoder.latent_dimension
+    dimensions = "1 dimension" if dimension == 1 else f"{dimension} dimensions"
     rows: list[Sequence[Cell]] = [
         ("robot", f"{skill.robot}, base {skill.base_frame}, tool {skill.tool_frame}"),
-        ("latent space", f"{skill.decoder.latent_dimension} dimensions, {skill.sheet} sheet"),
+        ("latent space", f"{dimensions}, {skill.sheet} sheet"),
         ("demonstrations", ", ".join(_names(skill))),
         ("families", ", ".join(map(str, modes)) + " demonstrations" if len(modes) > 1 else "one"),
         ("mean start", f"{_numbers(start[:3])} m, quaternion (w, x, y, z) {_numbers(start[3:])}"),

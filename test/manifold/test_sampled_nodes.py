@@ -67,6 +67,32 @@ def test_every_code_has_one_near_and_no_two_are_close(sampled):
     assert np.median(apart) < 2.0 * np.percentile(apart, 5.0)
 
 
+def test_the_ends_of_a_mean_path_are_nodes_and_edges_lead_along_it():
+    """Even where each node is joined to one other alone."""
+    codes = bundle()
+    mean_paths = MeanPaths.of_codes(codes, np.zeros(5, dtype=int))
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(sampled_nodes, "MOST_NODES", 1500)
+        latent, edges, _ = sample_nodes(codes, mean_paths, WIDTH, within(codes), embedded, 1)
+    away, ends = cKDTree(latent).query(mean_paths.centres[0, [0, -1]])
+    np.testing.assert_array_equal(away, 0.0)
+    piece = connected_pieces(edges, len(latent))
+    assert piece[ends[0]] == piece[ends[1]]
+
+
+def test_of_points_that_decode_alike_the_one_nearest_to_the_mean_path_is_kept():
+    """The last axis decodes to nothing."""
+    codes = bundle()
+    mean_paths = MeanPaths.of_codes(codes, np.zeros(5, dtype=int))
+    slopes, off = np.array([1.0, 1.0, 1.0, 0.0]), {}
+    for paths in (None, mean_paths):
+        with pytest.MonkeyPatch.context() as patch:
+            patch.setattr(sampled_nodes, "MOST_NODES", 1500)
+            latent, _, _ = sample_nodes(codes, paths, WIDTH, within(codes), lambda points: points * slopes, 12)
+        off[paths is None] = np.mean(np.log(mean_paths.conformal_factors(latent, 1.0)))
+    assert off[False] < off[True]
+
+
 def test_where_little_is_decoded_they_are_farther_apart(sampled):
     _, (_, _, spacing), _ = sampled
     assert spacing[3] > 2.0 * spacing[:3].max()

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from matplotlib.figure import Figure
 from PIL import Image
 
 from geodesic_motion_ros.contract.settings import PlannerSettings
@@ -71,3 +72,17 @@ def test_a_deeper_latent_space_is_refused(tmp_path: Path, fan_skill: Skill, draw
 def test_codes_of_the_demonstrations_leave_out_antipodal_copies(fan_skill: Skill) -> None:
     assert len(fan_skill.codes) == 14
     assert np.array_equal(plots.demonstrations_of(fan_skill), fan_skill.codes[:7])
+
+
+def test_a_single_axis_has_the_share_of_the_curve_beside_it() -> None:
+    curve = np.array([[0.5], [0.0], [2.0]])
+    np.testing.assert_array_equal(plots.seen_curve(curve, np.array([0])), [[0.5, 0.0], [0.0, 0.5], [2.0, 1.0]])
+    wide = np.arange(12.0).reshape(3, 4)
+    np.testing.assert_array_equal(plots.seen_curve(wide, np.array([1, 3])), wide[:, [1, 3]])
+
+
+@pytest.mark.parametrize("shown", [np.array([0]), np.array([0, 1])], ids=["one axis", "two axes"])
+def test_nodes_are_drawn_by_their_values(shown: np.ndarray) -> None:
+    latent, values = np.random.default_rng(0).normal(size=(20, len(shown))), np.linspace(1.0, 2.0, 20)
+    drawn = plots.draw_nodes(Figure().subplots(), latent, shown, values)
+    np.testing.assert_array_equal(drawn.get_array(), values)

@@ -40,6 +40,12 @@ cost, p99  of the band over that of the lattice's path, by the metric of the sea
 distance field, where a quarter of the points are of the moving arm and are taken out: processor time, and the share of
 a core at 30 clouds a second. Half a minute.
 
+--trainings measures trainings on so many demonstrations of 300 samples, of poses and of joints, each in a process of
+its own, without the report that `train` ends with: time, processor time (that of the system, too) and the most memory
+of the process, beside what is said beforehand, and the time over that of the next fewer demonstrations. With --revision
+the code of a git revision trains on the fewest as well, in a work tree of its own whose kernels are compiled first.
+About ten minutes.
+
 A loaded machine lengthens wall times; cpu and the ratios hold.
 """
 
@@ -60,8 +66,11 @@ examples:
   geodesic-motion timing --moving 1 --skill panda_pouring panda_bottle2shelf --quick
   geodesic-motion timing --detours 1,5,10
   geodesic-motion timing --clouds 10000,100000,300000
+  geodesic-motion timing --trainings 16,126,253 --revision fd0cae2b
 """
 
+#: Numbers of demonstrations: those of a shipped skill, and of a recording of months.
+_TRAININGS = (16, 126, 253)
 #: With --moving or --detours where none is given, and without.
 _SKILLS, _SKILL = ("panda_pouring", "panda_bottle2shelf", "panda_reach_to_grasp"), ("panda_reach_to_grasp",)
 
@@ -87,6 +96,14 @@ def add_command(commands: argparse._SubParsersAction) -> None:
     among.add_argument(
         "--clouds", type=indices, metavar="COUNTS", help="point clouds of so many points instead, like 10000,300000"
     )
+    among.add_argument(
+        "--trainings", type=indices, nargs="?", const=_TRAININGS, metavar="COUNTS",
+        help="trainings of so many demonstrations instead; 16,126,253 without COUNTS",
+    )  # fmt: skip
+    parser.add_argument(
+        "--revision", metavar="REVISION",
+        help="with --trainings: a tag, branch or commit whose code trains on the fewest demonstrations as well",
+    )  # fmt: skip
     parser.add_argument("--quick", action="store_true", help="half a minute: smaller graphs, fewer ticks")
     add_json(parser)
     parser.set_defaults(run=run)
@@ -99,18 +116,30 @@ def run(arguments: argparse.Namespace) -> None:
     from geodesic_motion_studies.benchmarks.detours_report import DetourBenchSettings, measure_detours
     from geodesic_motion_studies.benchmarks.moving_report import MovingSettings, measure_moving
     from geodesic_motion_studies.benchmarks.run import BenchSettings, alone, measured_alone
+    from geodesic_motion_studies.benchmarks.trainings import BRIEFLY, measure_trainings
 
     writable(arguments.json)
-    moving, detours, clouds = arguments.moving, arguments.detours, arguments.clouds
+    moving, detours, clouds, trainings = (
+        getattr(arguments, name) for name in ("moving", "detours", "clouds", "trainings")
+    )
     if moving is not None and min(moving) < 0:
         raise ParameterError(f"--moving {','.join(map(str, moving))}: numbers of spheres cannot be negative")
     if detours is not None and min(detours) < 1:
         raise ParameterError(f"--detours {','.join(map(str, detours))}: numbers of spheres must be positive")
     if clouds is not None and min(clouds) < 1:
         raise ParameterError(f"--clouds {','.join(map(str, clouds))}: numbers of points must be positive")
+    if trainings is None and arguments.revision is not None:
+        raise ParameterError("--revision: only with --trainings")
+    if trainings is not None and min(trainings) < 1:
+        raise ParameterError(f"--trainings {','.join(map(str, trainings))}: numbers of demonstrations must be positive")
+    if trainings is not None and arguments.skill is not None:
+        raise ParameterError("--skill: not with --trainings, which trains skills of its own")
     of_one = moving is None and detours is None
-    skills = [Skill.load(name) for name in arguments.skill or (_SKILL if of_one else _SKILLS)]
-    if moving is not None:
+    named = () if trainings is not None else arguments.skill or (_SKILL if of_one else _SKILLS)
+    skills = [Skill.load(name) for name in named]
+    if trainings is not None:
+        report = measure_trainings(trainings, arguments.revision, BRIEFLY if arguments.quick else None)
+    elif moving is not None:
         settings = MovingSettings.quick() if arguments.quick else MovingSettings()
         report = alone(measure_moving, skills, moving, settings)
     elif detours is not None:

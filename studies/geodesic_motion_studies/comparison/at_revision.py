@@ -84,21 +84,29 @@ def play_at(
     ParameterError : there is no such revision, no git repository, or the revision does not play them.
     """
     file = SceneFile.read(scenes)
-    try:
-        commit = _git(repository, "rev-parse", "--verify", f"{revision}^{{commit}}")
-    except ParameterError as error:
-        raise ParameterError(f"{error}: give a tag, branch or commit of {repository}") from None
+    commit = commit_of(revision, repository)
     command = [sys.executable, "-m", "geodesic_motion_ros", "benchmark", "--skill", file.skill, "--guard", file.guard]
     command += ["--scenes-from", str(scenes.resolve()), "--json", str(json.resolve())]
     command += ["--out", str((out / commit).resolve()), *options]
     with work_tree(commit, repository) as tree:
         _judge_as_here(tree)
-        # The revision's own packages are imported: those of the folder in which Python starts, and of its studies.
-        environment = {name: value for name, value in os.environ.items() if name != "PYTHONSAFEPATH"}
-        places = os.pathsep.join([str(tree), str(tree / "studies")])
-        done = subprocess.run(command, cwd=tree, env=environment | {"PYTHONPATH": places}, check=False)
+        done = subprocess.run(command, cwd=tree, env=environment_of(tree), check=False)
     if done.returncode:
         raise ParameterError(f"the revision '{revision}' does not play {scenes} (see above)")
+
+
+def commit_of(revision: str, repository: Path) -> str:
+    """The commit that a tag, branch or commit names; ParameterError where there is none."""
+    try:
+        return _git(repository, "rev-parse", "--verify", f"{revision}^{{commit}}")
+    except ParameterError as error:
+        raise ParameterError(f"{error}: give a tag, branch or commit of {repository}") from None
+
+
+def environment_of(tree: Path) -> dict[str, str]:
+    """Environment of a command that imports the packages of a work tree in which Python starts, and its studies."""
+    environment = {name: value for name, value in os.environ.items() if name != "PYTHONSAFEPATH"}
+    return environment | {"PYTHONPATH": os.pathsep.join([str(tree), str(tree / "studies")])}
 
 
 def _judge_as_here(tree: Path) -> None:

@@ -1,253 +1,233 @@
-"""What more latent dimensions bring and cost: whole-arm demonstrations learned in two to five, searched on two graphs.
+"""What more latent dimensions bring and cost: skills of the whole arm in two to six, with the graphs that planners use.
 
-A reach to grasp in three families of elbows, one demonstration of each held out. The latent space is searched on
+Learned are simulated reaches to grasp in three families of elbows, or a recording of joints (`--demos`). Columns of the
+table, a row for each number of dimensions and seed:
 
-grid        a regular lattice over the codes' box, of which the supported nodes are kept: the planner's path
-neighbours  codes drawn from the encoder's densities at the demonstrations, each joined to the nearest of the others
-
-for a path from the first code of each demonstration to its last. Columns of the table, a row for each number of
-dimensions, seed and graph:
-
-error, held out  mean distance of the tool in demonstrations that encoder and decoder give back [mm]: in those that
-                 were learned, in those that were not
-none             demonstrations between whose ends no path was found
-length           Riemannian, of the path over the shorter one of both graphs, measured with the continuous metric: mean
-off mm           mean distance of the tool on its paths from the nearest point of a demonstration of their family
-nodes, MB        of the graph, with edges and lengths; lattice : nodes before what has no support is dropped
-build, path      processor time [s], [ms]
+learned, held out  mean distance of the tool [mm] in demonstrations that come back from their codes: of those that were
+                   learned; and of each third that models trained without it, for SHARE of the steps, give back, as
+                   `train --latent auto` compares them
+nodes, edges, MB   of the skill's graph; build s : processor time to decode it
+median, largest    of several queries, each from a drawn code in the first half of a demonstration to where another one
+                   ends: length of the planner's path, searched and refined as a tick does it, over the refined
+                   geodesic. That is the shortest of three curves: two that are moved to the least energy under the
+                   continuous metric, every point decoded (`tools.chord_geodesic`), one begun as the planner's path,
+                   one as the mean path, on a raw sheet as the straight line; and the planner's path itself
+none               queries without a path
+tick               p50 and p99 [ms] of all ticks of several motions, each crossed by one sphere that is seen elsewhere
+                   in every tick (`benchmarks.moving`): by the clock, and processor time, which other programs on the
+                   machine change less; each tick counts by its faster play
 """
 
 from __future__ import annotations
 
 import math
 import time
-from dataclasses import asdict, dataclass
+from collections.abc import Iterator
+from dataclasses import asdict, dataclass, fields
+from itertools import product
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-import torch
 from matplotlib.figure import Figure
-from scipy.spatial import cKDTree
+from tqdm import tqdm
 
-from geodesic_motion_ros.learning.autoencoder import AutoEncoder
+from geodesic_motion_ros.cli.arguments import indices
+from geodesic_motion_ros.contract.status import Refusal
+from geodesic_motion_ros.demonstrations.joint_demonstrations import JointDemonstration, JointDemonstrations
+from geodesic_motion_ros.demonstrations.readers import read_joint_demonstrations
+from geodesic_motion_ros.geometry.task_frame import TaskFrame
+from geodesic_motion_ros.learning.dimension import compare_dimensions
 from geodesic_motion_ros.learning.settings import JointTrainingSettings
+from geodesic_motion_ros.motion.plan import MotionState
+from geodesic_motion_ros.motion.retry import Workings
+from geodesic_motion_ros.obstacles.obstacles import Obstacles
+from geodesic_motion_ros.planning.planner import ReactivePlanner
+from geodesic_motion_ros.queries.query import ArmQuery
 from geodesic_motion_ros.robot.kinematics import Robot
+from geodesic_motion_ros.skill.skill import LearnedModel, Skill
+from geodesic_motion_ros.utils.deadline import NEVER
 from geodesic_motion_ros.utils.tables import text_table
 from geodesic_motion_ros.visualization.plots import BLUE, VERMILION, write_figure
-from geodesic_motion_studies.experiments.joint_models import (
-    commanded,
-    decoded,
-    models,
-    pullback_metric,
-    supported,
-    tool_error,
-    tool_positions,
-)
-from geodesic_motion_studies.experiments.latent_pictures import grid_around
-from geodesic_motion_studies.experiments.metric_graph import MetricGraph, evenly, latent_length
-from geodesic_motion_studies.experiments.study import Report, Study, seeds
-from geodesic_motion_studies.tools.joint_metric import JointPullbackMetric
+from geodesic_motion_studies.benchmarks.moving import MovingBench, MovingTicks
+from geodesic_motion_studies.benchmarks.stopwatch import percentiles_ms
+from geodesic_motion_studies.experiments.joint_models import commanded
+from geodesic_motion_studies.experiments.study import Report, Study, changed, option, seeds, steps
+from geodesic_motion_studies.experiments.trained import BRIEFLY, trained_once
+from geodesic_motion_studies.tools.chord_geodesic import ChordMetric, shortened
 
-#: Families, demonstrations of each (the last of each is held out), and samples of each.
-FAMILIES, SHOWN, SAMPLES = 3, 4, 80
-#: Nodes of the lattice along each axis, and directions from each, by the latent dimension: about equally many nodes.
-SIDES, DIRECTIONS = {2: 100, 3: 32, 4: 14, 5: 9}, {2: 16, 3: 26, 4: 80, 5: 242}
-_BORDER = 0.05
-#: Codes drawn at every sample of a demonstration, and neighbours of each.
-DRAWN, NEAREST = 4, 12
-TRAINING = JointTrainingSettings(
-    sheet="raw", hidden=(100, 50), steps=1200, batch=128, samples=SAMPLES, kernels=300, precision_iterations=60,
-    precision_samples=2,
-)  # fmt: skip
-#: Marks on the axis of lengths.
-_RATIOS = (1.0, 1.5, 2.0, 3.0, 5.0, 8.0)
-_COLOURS = {"grid": BLUE, "neighbours": VERMILION}
-
-
-@dataclass(frozen=True)
-class Reaches:
-    """Demonstrations (F, N, T, 7) [rad] by family, of which the last of each is held out."""
-
-    configurations: np.ndarray
-
-    @property
-    def shown(self) -> np.ndarray:
-        """What is learned, (F (N - 1), T, 7), family by family."""
-        return self.configurations[:, :-1].reshape(-1, *self.configurations.shape[2:])
-
-    @property
-    def held_out(self) -> np.ndarray:
-        return self.configurations[:, -1]
+#: Families, demonstrations of each, samples of each, and how long one takes [s].
+FAMILIES, PER_FAMILY, SAMPLES, SECONDS = 3, 4, 80, 4.0
+#: Of each motion whose ticks are measured.
+PLAYS = 2
+TRAINING = JointTrainingSettings(**BRIEFLY)
+#: The bars: of the median and of the largest length, and of the ticks [ms].
+LENGTH_BARS, TICK_BARS = (1.02, 1.1), (1.0, 5.0)
 
 
 @dataclass(frozen=True)
 class DimensionRow:
-    """What was measured with one model on one graph; lengths and distances are NaN where no path was found."""
+    """What was measured with one skill."""
 
     dimension: int
     seed: int
-    graph: str
-    error_mm: float
+    learned_mm: float
     held_out_mm: float
-    none: int
-    length: float
-    off_mm: float
-    lattice: int
     nodes: int
     edges: int
     megabytes: float
     build_s: float
-    path_ms: float
+    median: float
+    largest: float
+    none: int
+    tick_p50: float
+    tick_p99: float
+    processor_p50: float
+    processor_p99: float
 
 
 @dataclass(frozen=True)
 class DimensionReport(Report):
     """All rows."""
 
+    recording: str
     rows: tuple[DimensionRow, ...]
 
     def as_dict(self) -> dict[str, Any]:
-        return {"rows": [asdict(row) for row in self.rows]}
+        return {"recording": self.recording, "rows": [asdict(row) for row in self.rows]}
 
     def table(self) -> str:
-        """The table as plain text."""
         head = [
-            "latent", "seed", "graph", "error mm", "held out", "none", "length", "off mm", "lattice", "nodes", "edges",
-            "MB", "build s", "path ms",
+            "latent", "seed", "learned mm", "held out", "nodes", "edges", "MB", "build s", "median", "largest", "none",
+            "tick p50 ms", "p99", "processor p50", "p99",
         ]  # fmt: skip
-        return text_table(head, [list(asdict(row).values()) for row in self.rows], left=(0, 2))
+        rows = [list(asdict(row).values()) for row in self.rows]
+        return "\n".join([self.recording, text_table(head, rows, digits=3)])
 
     def draw(self, path: Path) -> None:
-        """Over the number of latent dimensions: reconstruction, quality of paths, time, memory; every seed a mark."""
+        """Over the number of latent dimensions: reconstruction, lengths of paths, graphs, ticks; every seed a mark."""
         figure = Figure(figsize=(10.0, 6.4), layout="constrained")
         panels = figure.subplots(2, 2)
-        error = [row for row in self.rows if row.graph == "grid"]
-        for name, marker, values in (
-            ("learned", "o", [row.error_mm for row in error]),
-            ("held out", "s", [row.held_out_mm for row in error]),
+        at = [row.dimension for row in self.rows]
+        for axes, label, shown in (
+            (panels[0, 0], "error, given back [mm]", {"learned": "learned_mm", "held out": "held_out_mm"}),
+            (panels[0, 1], "longer than the geodesic [%]", {"median": "median", "largest": "largest"}),
+            (panels[1, 0], "of the graph", {"time to build [s]": "build_s", "memory [MB]": "megabytes"}),
+            (panels[1, 1], "tick with one sphere [ms]", {"p50": "tick_p50", "p99": "tick_p99"}),
         ):
-            panels[0, 0].plot([row.dimension for row in error], values, marker, color="black", label=name,
-                              markerfacecolor="none" if marker == "s" else "black")  # fmt: skip
-        panels[0, 0].set_ylabel("error of the tool, given back [mm]")
-        for axes, which, label in (
-            (panels[0, 1], "length", "length over the better graph's"),
-            (panels[1, 0], "build_s", "time to build the graph [s]"),
-            (panels[1, 1], "megabytes", "memory of the graph [MB]"),
-        ):
-            for graph, colour in _COLOURS.items():
-                rows = [row for row in self.rows if row.graph == graph]
-                values = [getattr(row, which) for row in rows]
-                axes.plot([row.dimension for row in rows], values, "o", color=colour, label=graph)
-            axes.set_ylabel(label)
-        titles = ("a  reconstruction", "b  path quality", "c  time", "d  memory")
-        for axes, title in zip(panels.flat, titles, strict=True):
-            axes.set_title(title, loc="left", fontsize=11)
-            axes.set(xlabel="latent dimensions", xticks=sorted({row.dimension for row in self.rows}))
+            for (name, attribute), colour, marker in zip(shown.items(), (BLUE, VERMILION), "os", strict=True):
+                values = np.array([getattr(row, attribute) for row in self.rows])
+                values = 100.0 * (values - 1.0) if attribute in ("median", "largest") else values
+                axes.plot(at, values, marker, color=colour, label=name)
+            axes.set(xlabel="latent dimensions", xticks=sorted(set(at)), ylabel=label)
             axes.grid(alpha=0.3)
+        for axes, bars in ((panels[0, 1], 100.0 * (np.array(LENGTH_BARS) - 1.0)), (panels[1, 1], TICK_BARS)):
+            for bar, colour in zip(bars, (BLUE, VERMILION), strict=True):
+                axes.axhline(bar, color=colour, linestyle=":", linewidth=1.2)
+            axes.plot([], [], ":", color="black", label="asked")
+        for axes, title in zip(panels.flat, ("a  reconstruction", "b  paths", "c  graphs", "d  ticks"), strict=True):
+            axes.set_title(title, loc="left", fontsize=11)
+            axes.set_ylim(bottom=0.0)
             axes.legend(frameon=False)
-        for axes in panels.flat[1:]:
-            axes.set_yscale("log")
-        panels[0, 1].set_yticks(_RATIOS, [f"{ratio:g}" for ratio in _RATIOS])
-        panels[0, 1].minorticks_off()
         write_figure(figure, path)
 
 
-@dataclass(frozen=True)
-class _Built:
-    """A graph, what it was made from and what that took."""
-
-    name: str
-    graph: MetricGraph
-    lattice: int
-    seconds: float
-
-
-def shown_reaches(per_family: int = SHOWN, samples: int = SAMPLES, seed: int = 0) -> Reaches:
-    """As `simulation.joint_teacher` tells the arm, without physics."""
+def shown_reaches(per_family: int = PER_FAMILY, samples: int = SAMPLES, seed: int = 0) -> JointDemonstrations:
+    """As `simulation.joint_teacher` tells the arm, without physics, family by family."""
     from geodesic_motion_ros.simulation.joint_teacher import reach_guidances
 
     robot = Robot.named("panda")
     curves = [commanded(robot, each, samples) for each in reach_guidances(per_family, seed, FAMILIES, connected=False)]
-    return Reaches(np.stack(curves).reshape(FAMILIES, per_family, samples, -1))
+    times = np.linspace(0.0, SECONDS, samples)
+    items = tuple(JointDemonstration(curve, times, f"reach {number}") for number, curve in enumerate(curves))
+    return JointDemonstrations(items, robot.joint_names, "panda")
 
 
 @dataclass(frozen=True)
 class Dimension(Study):
-    """Learn in each number of dimensions, once for every seed, and search on both graphs.
+    """Learn in each number of dimensions, once for every seed, and measure graph, paths and ticks.
 
-    training : its seed and its latent dimension are replaced. shown : None: `shown_reaches`.
+    training : its seed, its latent dimension, and its steps where these are given, are replaced.
     """
 
-    seeds: tuple[int, ...] = seeds("four trainings each", (0, 1))
-    dimensions: tuple[int, ...] = (2, 3, 4, 5)
+    demos: str | None = option(None, "recording of joints; without it simulated reaches", type=str, metavar="FILE")
+    robot: str = option("panda", "that was recorded")
+    seeds: tuple[int, ...] = seeds("of the trainings and the queries, five trainings each", (0,))
+    dimensions: tuple[int, ...] = option((2, 3, 4, 5, 6), "numbers of latent dimensions", type=indices, metavar="D,D")
+    steps: int | None = steps()
+    queries: int = option(30, "whose paths are measured", least=1)
+    motions: int = option(6, "whose ticks are measured", least=1)
     training: JointTrainingSettings = TRAINING
-    shown: Reaches | None = None
 
     def measure(self, out: Path) -> DimensionReport:
-        robot, shown = Robot.named("panda"), self.shown or shown_reaches()
-        learned = models(shown.shown, robot, self.dimensions, self.seeds, self.training)
-        return DimensionReport(tuple(row for vae, chosen in learned for row in _measured(vae, shown, robot, chosen)))
+        name, shown = "reaches", None if self.demos is None else read_joint_demonstrations(Path(self.demos), self.robot)
+        if shown is None:
+            shown = shown_reaches()
+        else:
+            name = Path(str(self.demos)).stem
+        rows = []
+        for dimension, seed in tqdm(list(product(self.dimensions, self.seeds)), desc=name, unit="skill"):
+            settings = changed(self.training, seed=seed, latent_dimension=dimension, steps=self.steps)
+            skill = trained_once(name, shown, settings, out / "skills")
+            held_out = compare_dimensions(shown, settings, dimensions=(dimension,)).means[0]
+            rows.append(self._measured(skill, seed, 1e3 * float(held_out)))
+        return DimensionReport(name, tuple(rows))
 
-
-def _measured(vae: AutoEncoder, shown: Reaches, robot: Robot, settings: JointTrainingSettings) -> list[DimensionRow]:
-    metric = pullback_metric(vae, robot, settings)
-    with torch.no_grad():
-        codes = vae.encoder(torch.tensor(shown.shown))[0].numpy()
-    built = [_on_grid(vae, metric, codes, settings), _of_neighbours(vae, metric, shown, codes, settings)]
-    families = shown.configurations.shape[0]
-    tools = tool_positions(robot, shown.shown)
-    trees = [cKDTree(part.reshape(-1, 3)) for part in np.split(tools, families)]
-    paths = {item.name: [_timed_path(item.graph, code) for code in codes] for item in built}
-    lengths = {
-        name: np.array([math.nan if path is None else latent_length(metric, path) for path, _ in found])
-        for name, found in paths.items()
-    }
-    shorter = np.fmin(*lengths.values())
-    rows = []
-    for item in built:
-        off = [
-            trees[number * families // len(codes)].query(tool_positions(robot, decoded(vae, evenly(path))))[0].mean()
-            for number, (path, _) in enumerate(paths[item.name])
-            if path is not None
-        ]
-        joined = np.isfinite(lengths[item.name])
-        rows.append(
-            DimensionRow(
-                settings.latent_dimension, settings.seed, item.name, 1e3 * tool_error(vae, robot, shown.shown),
-                1e3 * tool_error(vae, robot, shown.held_out), int(np.sum(~joined)),
-                float(np.mean((lengths[item.name] / shorter)[joined])) if joined.any() else math.nan,
-                1e3 * float(np.mean(off)) if off else math.nan, item.lattice, len(item.graph.latent),
-                len(item.graph.edges), 1e-6 * item.graph.bytes, item.seconds,
-                1e3 * float(np.median([seconds for _, seconds in paths[item.name]])),
-            )
+    def _measured(self, skill: Skill, seed: int, held_out_mm: float) -> DimensionRow:
+        began = time.process_time()
+        # What a skill builds it keeps for the next program, and would only read here.
+        built = LearnedModel(**{each.name: getattr(skill, each.name) for each in fields(LearnedModel)}).graph()
+        build_s = time.process_time() - began
+        megabytes = 1e-6 * sum(array.nbytes for array in built.arrays().values())
+        bench, ticks, random = MovingBench(skill, self.motions, PLAYS), MovingTicks(), np.random.default_rng(seed)
+        for motion in bench.motions:
+            bench.ticks(motion, bench.spheres(motion, 1, random), ticks, compared=1)
+        both = [percentiles_ms(each) for each in (ticks.every.wall, ticks.every.cpu)]
+        times = [each[which] for each in both for which in ("p50", "p99")]
+        planner, graph = bench.planner, bench.planner.graph
+        found = [length_over_geodesic(planner, query) for query in drawn_queries(planner, self.queries, seed)]
+        ratios = [ratio for ratio in found if ratio is not None]
+        median, largest = (float(np.median(ratios)), max(ratios)) if ratios else (math.nan, math.nan)
+        return DimensionRow(
+            skill.decoder.latent_dimension, seed, skill.quality["training_position_error_mm"], held_out_mm,
+            len(graph.latent), len(graph.edges), megabytes, build_s,
+            median, largest, len(found) - len(ratios),
+            *times,
         )  # fmt: skip
-    return rows
 
 
-def _on_grid(
-    vae: AutoEncoder, metric: JointPullbackMetric, codes: np.ndarray, settings: JointTrainingSettings
-) -> _Built:
-    dimension, began = settings.latent_dimension, time.thread_time()
-    grid = grid_around(codes, SIDES[dimension], _BORDER)
-    graph = MetricGraph.on_grid(metric, grid, supported(vae, codes, grid.nodes()), DIRECTIONS[dimension])
-    return _Built("grid", graph, math.prod(grid.shape), time.thread_time() - began)
+def drawn_queries(planner: ReactivePlanner, count: int, seed: int) -> Iterator[ArmQuery]:
+    """So many queries that go on from codes in the first halves of demonstrations to where others end."""
+    random, skill, builder = np.random.default_rng(seed), planner.skill, planner.arm.queries
+    ends = skill.decoder.configurations(skill.codes[:, -1])
+    goals = [builder.goal_by_configuration(end, TaskFrame.identity()) for end in ends]
+    begun = builder.build(skill.decoder.configurations(skill.codes[0, :1])[0], goals[0])
+    assert not isinstance(begun, Refusal), begun.reason
+    while count > 0:
+        first, last = random.integers(len(skill.codes), size=2)
+        latent = skill.codes[first, random.integers(skill.codes.shape[1] // 2)]
+        query = builder.redirect(begun, skill.decoder.configurations(latent[None])[0], latent, goals[last])
+        # Of two families that meet nowhere there is none.
+        if query is not None and not isinstance(query, Refusal):
+            count -= 1
+            yield query
 
 
-def _of_neighbours(
-    vae: AutoEncoder, metric: JointPullbackMetric, shown: Reaches, codes: np.ndarray, settings: JointTrainingSettings
-) -> _Built:
-    began, random = time.thread_time(), np.random.default_rng(settings.seed)
-    with torch.no_grad():
-        deviation = torch.exp(0.5 * vae.encoder(torch.tensor(shown.shown))[1]).numpy()
-    noise = random.normal(size=(DRAWN, *codes.shape))
-    drawn = (codes + deviation * noise).reshape(-1, codes.shape[-1])
-    nodes = np.concatenate([codes.reshape(-1, codes.shape[-1]), drawn[supported(vae, codes, drawn)]])
-    graph = MetricGraph.of_neighbours(metric, nodes, NEAREST)
-    return _Built("neighbours", graph, len(nodes), time.thread_time() - began)
-
-
-def _timed_path(graph: MetricGraph, code: np.ndarray) -> tuple[np.ndarray | None, float]:
-    began = time.thread_time()
-    path = graph.path(code[0], code[-1])
-    return path, time.thread_time() - began
+def length_over_geodesic(planner: ReactivePlanner, query: ArmQuery) -> float | None:
+    """Measure how long the planner's path is over the refined geodesic; None: it finds no path."""
+    still = np.zeros_like(query.start)
+    state = MotionState(0.0, query.start, still, still, query.start_latent)
+    search = planner.arm.solver.search_among(query, state, Obstacles.none(), np.inf, NEVER, Workings())
+    path = search.path(1.0)
+    if isinstance(path, Refusal):
+        return None
+    curve, mean_paths, unit = search.refine(path, 1.0).polyline, query.along_mean_paths.mean_paths, query.field.spacing
+    decoder, settings, strength = planner.skill.decoder, planner.skill.metric, planner.settings.ridge_strength
+    metric = ChordMetric(decoder, settings, planner.robot, unit, mean_paths, strength)
+    other = curve[[0, -1]]
+    if mean_paths is not None:
+        away = np.linalg.norm((mean_paths.centres - curve[0]) / unit, axis=-1)
+        mode, sample = np.unravel_index(np.argmin(away), away.shape)
+        other = np.concatenate([curve[:1], mean_paths.centres[mode, sample + 1 : -1], curve[-1:]])
+    length = metric.length(curve)
+    return length / min(length, *(metric.length(shortened(metric, each)) for each in (curve, other)))

@@ -39,25 +39,6 @@ class MetricGraph:
         squared = [np.einsum("mi,mij,mj->m", steps, tensors[ends], steps) for ends in edges.T]
         return cls(latent, edges, np.sqrt(0.5 * (squared[0] + squared[1])))
 
-    @classmethod
-    def of_neighbours(cls, metric: Metric, latent: np.ndarray, count: int, pieces: int = 3) -> MetricGraph:
-        """Points (n, d), each joined to its `count` nearest; an edge is measured in the middle of so many pieces."""
-        _, near = cKDTree(latent).query(latent, k=count + 1)
-        pairs = np.stack([np.repeat(near[:, 0], count), near[:, 1:].reshape(-1)], axis=1)
-        edges = np.unique(np.sort(pairs, axis=1), axis=0)
-        edges = edges[edges[:, 0] != edges[:, 1]]
-        begin, steps = latent[edges[:, 0]], (latent[edges[:, 1]] - latent[edges[:, 0]]) / pieces
-        lengths = np.zeros(len(edges))
-        for piece in range(pieces):
-            tensors = metric_tensors(metric, begin + (piece + 0.5) * steps)
-            lengths += np.sqrt(np.einsum("mi,mij,mj->m", steps, tensors, steps))
-        return cls(latent, edges, lengths)
-
-    @property
-    def bytes(self) -> int:
-        """Memory of nodes, edges and lengths."""
-        return self.latent.nbytes + self.edges.nbytes + self.lengths.nbytes
-
     def path(self, start: np.ndarray, goal: np.ndarray) -> np.ndarray | None:
         """Shortest path (p, d) between latent points (d,), by the nodes nearest to them; None where there is none."""
         nodes = self._nodes(start, goal) if len(self.latent) else None

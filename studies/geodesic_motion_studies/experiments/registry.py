@@ -51,7 +51,7 @@ STUDIES: dict[str, Entry] = {
     "energy-limit": Entry("energy_limit", "EnergyLimit", "the paper's model of grasp-joint: does energy tell hits?"),
     "pouring-joint": Entry("pouring_joint", "PouringJoint", "pouring with the whole arm through several groups"),
     "volume": Entry("volume", "Volume", "a skill learned without and with the volume term of the lower bound"),
-    "dimension": Entry("dimension", "Dimension", "two to five latent dimensions, grids and neighbours", timed=True),
+    "dimension": Entry("dimension", "Dimension", "two to six latent dimensions: graphs, paths, ticks", timed=True),
     "rate": Entry("running_nodes", "Rate", "planner and twin as two processes: ticks, times of reaction", timed=True),
     "camera": Entry("running_nodes", "Camera", "a camera sees the arm: false stops, costs; a ball", timed=True),
     "literal": Entry("literal", "Literal", "held-out demonstrations by the paper to the letter, beside ours", True),

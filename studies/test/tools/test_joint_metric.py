@@ -5,11 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 import torch
-from torch import nn
 
 from geodesic_motion_ros.learning.autoencoder import DecoderNetwork
 from geodesic_motion_ros.learning.body_layer import BodyLayer
-from geodesic_motion_ros.learning.networks import RadialBasisNetwork
 from geodesic_motion_ros.learning.settings import JointTrainingSettings
 from geodesic_motion_ros.manifold.configuration_graph import JointMetricSettings, build_configuration_graph
 from geodesic_motion_ros.robot.body_points import end_effector_poses, place_body_points
@@ -18,26 +16,11 @@ from geodesic_motion_studies.tools.joint_metric import JointPullbackMetric
 from geodesic_motion_studies.tools.metric import curve_energy
 
 
-def small_decoder() -> DecoderNetwork:
-    """An untrained decoder of Panda's joints, with random weights everywhere."""
-    with torch.random.fork_rng():
-        torch.manual_seed(3)
-        offset = torch.tensor(Robot.named("panda").ready.copy())
-        decoder = DecoderNetwork(2, (20, 10), offset, torch.tensor(0.5).double()).double()
-        network = RadialBasisNetwork(
-            torch.randn(30, 2).double(),
-            torch.tensor(2.5).double(),
-            torch.ones(7).double(),
-            20.0 * torch.ones(7).double(),
-        )
-        nn.init.normal_(network.raw_weights)
-        decoder.inverse_sigma = network
-        return decoder.requires_grad_(False)
-
-
 @pytest.mark.parametrize("orientation_weight", [0.0, 1.0])
-def test_tensors_are_those_of_the_graph_and_can_be_differentiated(orientation_weight: float) -> None:
-    robot, decoder = Robot.named("panda"), small_decoder()
+def test_tensors_are_those_of_the_graph_and_can_be_differentiated(
+    orientation_weight: float, small_decoder: DecoderNetwork
+) -> None:
+    robot, decoder = Robot.named("panda"), small_decoder
     settings = JointMetricSettings(orientation_weight=orientation_weight)
     body = settings.body_points(robot)
     codes, box = np.zeros((1, 2, 2)), np.ones(2)
@@ -57,9 +40,9 @@ def test_tensors_are_those_of_the_graph_and_can_be_differentiated(orientation_we
     assert curve.grad.abs().max() > 0.0
 
 
-def test_the_literal_metric_is_that_of_finite_differences() -> None:
+def test_the_literal_metric_is_that_of_finite_differences(small_decoder: DecoderNetwork) -> None:
     """M = J^T J of everything that the metric sees, central differences of body points, quaternion and sigma."""
-    robot, decoder = Robot.named("panda"), small_decoder()
+    robot, decoder = Robot.named("panda"), small_decoder
     settings = JointTrainingSettings.paper().metric
     body = settings.body_points(robot)
     numpy_decoder, latent, step = decoder.to_numpy(), np.random.default_rng(1).uniform(-0.5, 0.5, (20, 2)), 1e-5
