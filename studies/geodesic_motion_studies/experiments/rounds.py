@@ -119,7 +119,8 @@ class RoundsReport(Report):
                 axes.plot(curve[:, 1], curve[:, 0], color=colour, label=label)
             axes.set_aspect("equal")
             axes.set(title=name, xlabel="y [m]", ylabel="x [m]")
-            axes.legend(fontsize=7)
+            axes.locator_params(nbins=6)
+        figure.legend(*figure.axes[0].get_legend_handles_labels(), loc="outside lower center", ncols=3, frameon=False)
         write_figure(figure, path)
 
 
