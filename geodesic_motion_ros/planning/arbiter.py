@@ -14,11 +14,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from geodesic_motion_ros.contract.mode import Purpose
-from geodesic_motion_ros.contract.settings import JOIN_LASTS, LAST_JOIN
+from geodesic_motion_ros.contract.settings import JOIN_LASTS, LAST_JOIN, SEARCH_PERIOD
 from geodesic_motion_ros.contract.status import Refusal, VerdictCode
 from geodesic_motion_ros.motion.detour import DetourRequest, without_detour
 from geodesic_motion_ros.motion.played import FollowedPlan, Step
-from geodesic_motion_ros.motion.retry import PastSearch, Question
+from geodesic_motion_ros.motion.retry import PastSearch, Question, is_due
 from geodesic_motion_ros.planning.guarded_arm import GuardedArm
 from geodesic_motion_ros.planning.memory import AttemptMemory
 from geodesic_motion_ros.planning.mission import Mission
@@ -115,11 +115,16 @@ class Arbiter:
         begins with a jolt: without one by its end the arm comes to rest there.
         """
         situation, attempts, turn = self.situation, self.arm.solver.attempts[:1], self._turn(coming)
+        question = Question(coming, situation.obstacles)
+        if not is_due(followed.last_search, question, situation.now, SEARCH_PERIOD):
+            return Decision(situation.go_on(followed.verdict, followed), query, self.memory)
         plan = turn.solve(coming, attempts)
         late = query.rounds_left(situation.state.latent_on(query)) <= LAST_JOIN
         joins = plan.reference is not None and (late or _begins_smoothly(plan.reference))
         if not joins or situation.handover_deadline.passed:
-            return Decision(situation.go_on(followed.verdict, followed), query, self.memory)
+            # A little further on there may be one.
+            searched = replace(followed, last_search=PastSearch(question, situation.now, is_answered=False))
+            return Decision(situation.go_on(searched.verdict, searched), query, self.memory)
         return self._decision(turn.take_path(coming, plan, turn.memory.after(plan, coming, None, attempts, situation)))
 
     @staticmethod

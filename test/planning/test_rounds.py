@@ -12,11 +12,12 @@ import numpy as np
 import pytest
 
 from geodesic_motion_ros.certification.declared_scene import DeclaredScene
-from geodesic_motion_ros.contract.settings import PlannerSettings
+from geodesic_motion_ros.contract.settings import SEARCH_PERIOD, PlannerSettings
 from geodesic_motion_ros.contract.status import Refusal, VerdictCode
 from geodesic_motion_ros.demonstrations.demonstrations import Demonstration, Demonstrations
 from geodesic_motion_ros.learning.settings import TrainingSettings
 from geodesic_motion_ros.learning.training import train_skill
+from geodesic_motion_ros.planning import arbiter
 from geodesic_motion_ros.planning.planner import ReactivePlanner
 from geodesic_motion_ros.robot.inverse_kinematics import solve
 from geodesic_motion_ros.skill.skill import Skill
@@ -121,6 +122,18 @@ def test_a_periodic_motion_does_not_rest_between_its_rounds_and_ends_after_the_l
     moves = np.flatnonzero(np.array(arm.speeds) > 0.0)
     assert np.all(np.diff(moves) == 1)
     assert any("round 2 of 3" in reason for reason in arm.reasons)
+
+
+def test_a_join_with_a_jolt_is_tried_again_now_and_then_and_made_in_the_end(skill: Skill, monkeypatch) -> None:
+    tried = []
+    monkeypatch.setattr(arbiter, "_begins_smoothly", lambda _: bool(tried.append(arm.now)))
+    arm = Arm.at(skill, 0.0, periodic=True, rounds=2)
+    assert arm.planner.set_goal(on_circle(0.0), DOWN).ok
+    arm.play(lambda arm: arm.planner.round == 2)
+    assert len(tried) > 1
+    assert np.all(np.diff(tried) > SEARCH_PERIOD - 0.5 * TICK)
+    assert 0.75 < arm.turned < 1.0
+    assert arm.speeds[-1] > 0.0
 
 
 def test_a_periodic_motion_goes_on_until_it_is_not_to_and_ends_with_the_round(skill: Skill) -> None:
