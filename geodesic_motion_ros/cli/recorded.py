@@ -34,6 +34,7 @@ from geodesic_motion_ros.demonstrations.readers import (
 )
 from geodesic_motion_ros.demonstrations.recordings import Recording
 from geodesic_motion_ros.demonstrations.splitting import Split
+from geodesic_motion_ros.demonstrations.takes import Take
 from geodesic_motion_ros.robot.description import DEFAULT_ROBOT
 from geodesic_motion_ros.utils.errors import ParameterError
 
@@ -73,13 +74,7 @@ def read_recorded(
     if is_mapped(path, columns):  # of joints too
         options = options | {"task": tuple(name for name in options["task"] if name != "columns")}
     refuse_other_space(arguments, space, options, path)
-    robot = "" if space == "task" else arguments.robot or DEFAULT_ROBOT
-    if robot:
-        if arguments.units in METRES_PER_UNIT:
-            raise ParameterError(f"--units {arguments.units}: {path} has joints, in rad or deg (or: --space task)")
-        takes = read_joint_takes(path, robot, arguments.rate, columns, arguments.units)
-    else:
-        takes = read_pose_takes(path, _units(arguments, path), columns, arguments.rate)
+    robot, takes = _read_takes(arguments, path, space)
     if not takes[0].in_one_go:
         return Recording.of_files(takes, robot, arguments.closed)
     # nothing in the file says where a demonstration begins
@@ -87,6 +82,19 @@ def read_recorded(
     if how.marker:
         raise ParameterError(f"--split {how.marker}: topics of markers are in bags; {path} is none")
     return Recording.of_long_takes([BagTake(take, ()) for take in takes], how, robot, arguments.closed)
+
+
+def _read_takes(
+    arguments: argparse.Namespace, path: Path, space: Literal["task", "joint"]
+) -> tuple[str, list[Take]]:
+    """Read the takes of a file, and name the robot of joints; poses have none, ""."""
+    columns = arguments.columns or DEFAULT_COLUMNS
+    if space == "task":
+        return "", read_pose_takes(path, _units(arguments, path), columns, arguments.rate)
+    if arguments.units in METRES_PER_UNIT:
+        raise ParameterError(f"--units {arguments.units}: {path} has joints, in rad or deg (or: --space task)")
+    robot = arguments.robot or DEFAULT_ROBOT
+    return robot, read_joint_takes(path, robot, arguments.rate, columns, arguments.units)
 
 
 def recorded_space(arguments: argparse.Namespace, path: Path) -> Literal["task", "joint"]:
@@ -147,12 +155,8 @@ def read_joint_recording(arguments: argparse.Namespace, path: Path) -> JointDemo
 def read_rounds(
     arguments: argparse.Namespace, path: Path, space: Literal["task", "joint"]
 ) -> Demonstrations | JointDemonstrations | None:
-    """The rounds of one file, from which `train` learns a closed skill; None: its motions lead elsewhere."""
-    columns, robot = arguments.columns or DEFAULT_COLUMNS, "" if space == "task" else arguments.robot or DEFAULT_ROBOT
-    if robot:
-        takes = read_joint_takes(path, robot, arguments.rate, columns, arguments.units)
-    else:
-        takes = read_pose_takes(path, _units(arguments, path), columns, arguments.rate)
+    """Read the rounds of one file, from which `train` learns a closed skill; None: its motions lead elsewhere."""
+    robot, takes = _read_takes(arguments, path, space)
     recording = Recording.of_files(takes, robot)
     return None if recording.rounds is None else recording.demonstrations()
 

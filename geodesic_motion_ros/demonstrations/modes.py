@@ -26,7 +26,7 @@ def cluster_modes(curves: np.ndarray) -> np.ndarray:
 
     Average linkage of the root mean square distances between curves (N, T, 3) [m], or (N, T, eta) [rad], at equal
     fractions of the arc; the number of modes is that with the largest mean silhouette, if it reaches
-    SMALLEST_SILHOUETTE and, of ENOUGH curves, draws of one mode hardly ever split as well.
+    SMALLEST_SILHOUETTE and, of ENOUGH curves or more, draws of one mode hardly ever split as well.
     """
     count = len(curves)
     flat = curves.reshape(count, -1)

@@ -114,10 +114,11 @@ class Arbiter:
         """Join the next round to the present one in motion; go on with that, where there is no path yet, or one that
         begins with a jolt: without one by its end the arm comes to rest there.
         """
-        situation, attempts, turn = self.situation, self.arm.solver.attempts[:1], self._turn(coming)
+        situation, attempts = self.situation, self.arm.solver.attempts[:1]
         question = Question(coming, situation.obstacles)
         if not is_due(followed.last_search, question, situation.now, SEARCH_PERIOD):
             return Decision(situation.go_on(followed.verdict, followed), query, self.memory)
+        turn = self._turn(coming)
         plan = turn.solve(coming, attempts)
         late = query.rounds_left(situation.state.latent_on(query)) <= LAST_JOIN
         joins = plan.reference is not None and (late or _begins_smoothly(plan.reference))

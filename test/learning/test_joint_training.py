@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 import torch
 
+from geodesic_motion_ros.demonstrations.joint_demonstrations import JointDemonstration, JointDemonstrations
 from geodesic_motion_ros.learning.calibration import dearest_energy
 from geodesic_motion_ros.learning.likelihoods import ConfigurationLikelihood, body_layer, counted_log_volume
 from geodesic_motion_ros.learning.settings import JointTrainingSettings
@@ -199,3 +200,20 @@ def test_the_graph_of_a_skill_of_four_dimensions_is_kept_to_the_last_bit(
     longer = ShownConfigurations.energies(made) / ShownConfigurations.energies(chords)
     assert longer.min() >= 1.0 - 1e-9
     assert longer.max() > 1.0
+
+
+def test_rounds_are_closed_before_they_are_learned_and_where_one_begins_chooses_nothing() -> None:
+    """The control: as motions that lead elsewhere they would be chosen, the wider the further to one side they lie."""
+    turned, items = np.linspace(0.0, 2.0 * np.pi, 80)[:, None], []
+    for size in (0.8, 0.85, 0.9, 1.0, 1.1, 1.15, 1.2):
+        round_trip = 0.2 * size * (np.cos(turned) * np.eye(7)[0] + np.sin(turned) * np.eye(7)[1])
+        gap = 0.005 * turned * np.eye(7)[3]
+        configurations = ROBOT.ready + round_trip + gap + (size - 1.0) * np.eye(7)[0]
+        items.append(JointDemonstration(configurations, turned[:, 0], f"{size}"))
+    demonstrations = JointDemonstrations(tuple(items), ROBOT.joint_names, "panda")
+    shown = ShownConfigurations(demonstrations, replace(IN_NO_TIME, closed=True))
+    (curves,), sheet = shown.coded_curves()
+    np.testing.assert_allclose(curves[:, 0], curves[:, -1], atol=1e-9)
+    assert sheet is not None
+    assert np.isinf(sheet.penalty)
+    assert np.isfinite(replace(sheet, configurations=curves).with_regression().penalty)

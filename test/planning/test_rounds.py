@@ -12,9 +12,10 @@ import numpy as np
 import pytest
 
 from geodesic_motion_ros.certification.declared_scene import DeclaredScene
-from geodesic_motion_ros.contract.settings import SEARCH_PERIOD, PlannerSettings
+from geodesic_motion_ros.contract.settings import ROUND_RIDGE, SEARCH_PERIOD, PlannerSettings
 from geodesic_motion_ros.contract.status import Refusal, VerdictCode
 from geodesic_motion_ros.demonstrations.demonstrations import Demonstration, Demonstrations
+from geodesic_motion_ros.geometry.pose import Pose
 from geodesic_motion_ros.learning.settings import TrainingSettings
 from geodesic_motion_ros.learning.training import train_skill
 from geodesic_motion_ros.planning import arbiter
@@ -201,6 +202,35 @@ def test_an_arm_that_made_room_at_its_goal_goes_back_to_it_and_makes_no_round(sk
     arm.play(lambda arm: arm.now > later)
     np.testing.assert_allclose(arm.places[-1], goal, atol=1e-3)
     assert arm.turned == pytest.approx(1.0, abs=0.01)
+
+
+@pytest.mark.parametrize(("beside", "is_moved"), [(0.025, True), (0.06, False)])
+def test_a_round_that_begins_beside_those_shown_is_moved_as_a_whole_but_not_far(
+    skill: Skill, beside: float, is_moved: bool
+) -> None:
+    """Beside, along the round: further off than that it begins where the round passes."""
+    start = on_circle(0.0) - [0.0, beside, 0.0]
+    planned = tool_path(ReactivePlanner(skill, PlannerSettings()), start)
+    middle = 0.5 * (planned.min(axis=0) + planned.max(axis=0))
+    assert (CENTRE[1] - middle[1] > 0.5 * beside) == is_moved
+
+
+def test_rounds_are_drawn_more_strongly_to_their_mean_than_other_motions(skill: Skill) -> None:
+    pose = Pose(on_circle(0.0), DOWN)
+    query = ReactivePlanner(skill, PlannerSettings(ridge_strength=0.5)).arm.queries.transport(pose, [pose])
+    assert not isinstance(query, Refusal)
+    paths = query.along_mean_paths.mean_paths
+    assert paths is not None
+    expected = paths.conformal_factors(query.decoded.latent, 0.5 * ROUND_RIDGE)
+    np.testing.assert_array_equal(query.along_mean_paths.conformal, expected)
+    assert expected.mean() > paths.conformal_factors(query.decoded.latent, 0.5).mean()
+
+
+def tool_path(planner: ReactivePlanner, start: np.ndarray) -> np.ndarray:
+    """Positions (m, 3) [m] of the planned round from a place back to it."""
+    plan = planner.plan(start, DOWN, start, DOWN)
+    assert plan.reference is not None
+    return np.array([planner.robot.forward(each)[0] for each in plan.reference.positions])
 
 
 def test_where_rounds_cross_themselves_the_one_that_begins_there_is_made() -> None:

@@ -15,6 +15,7 @@ from geodesic_motion_ros.cli.arguments import (
     indices,
     writable,
 )
+from geodesic_motion_ros.utils.errors import ParameterError
 from geodesic_motion_ros.utils.tables import write_json
 
 if TYPE_CHECKING:
@@ -112,6 +113,8 @@ def run(arguments: argparse.Namespace) -> None:
     read = read_joint_recording if space == "joint" else read_recording
     demonstrations = read(arguments, arguments.demos)
     rounds = read_rounds(arguments, arguments.demos, space)
+    if rounds is not None and arguments.sheets is not None:
+        raise ParameterError(f"--sheets: {arguments.demos} has rounds, which are learned on the canonical sheet alone")
     count = len(rounds or demonstrations)
     if arguments.splits == "all":
         folds = all_folds(count)

@@ -23,26 +23,25 @@ from geodesic_motion_ros.demonstrations.rounds import close_rounds
 from geodesic_motion_ros.geometry.curves import PoseCurve
 from geodesic_motion_ros.geometry.quaternions import continuous_signs, mean_rotation
 from geodesic_motion_ros.geometry.task_frame import TaskFrame
+from geodesic_motion_ros.learning.settings import TrainingSettings
 from geodesic_motion_ros.planning.planner import ReactivePlanner
-from geodesic_motion_ros.robot.body_points import end_effector_poses
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.skill.skill import Skill
 from geodesic_motion_ros.utils.tables import text_table
 from geodesic_motion_studies.experiments.folds import Fold
+from geodesic_motion_studies.experiments.joint_imitation import tool_curve
 from geodesic_motion_studies.tools.similarity import compare
 
 Rounds = Demonstrations | JointDemonstrations
 ROWS = ("geodesic", "mean_demonstration", "nearest_demonstration")
 COLUMNS = ("dtw_mm", "frechet_mm", "orientation_deg")
 _SAMPLES = 300
-#: Length that a turn of one radian counts in the arc of poses [m].
-_ROTATION_LENGTH = 0.1
 
 
 @dataclass(frozen=True)
 class RoundReport:
     """Values (R, C) of each row and column by the number of the held-out demonstration and the seed; NaN where the
-    planner refused. paths : of the tool, the one held out last and that of each row.
+    planner refused. paths : of the tool, the one answered last and that of each row; () where none was.
     """
 
     task: str
@@ -96,7 +95,7 @@ def evaluate_rounds(
         shown, hidden = rounds.split(fold)
         planner = ReactivePlanner(train(shown, seed), PlannerSettings(), scene=DeclaredScene.empty())
         for number, item in zip(fold, hidden, strict=True):
-            truth = _tool_curve(item, planner.robot)
+            truth = _demonstrated_curve(item, planner.robot)
             predicted = [_planned(planner, item), *_without_manifold(shown, item, planner.robot)]
             held_out[number, seed] = np.array([_compared(curve, truth) for curve in predicted])
             if predicted[0] is not None:
@@ -120,7 +119,7 @@ def _planned(planner: ReactivePlanner, item: Demonstration | JointDemonstration)
     else:
         pose = item.positions[0], item.quaternions[0]
         plan = planner.plan(*pose, *pose)
-    return None if plan.reference is None else _tool_path(plan.reference.positions, planner.robot)
+    return None if plan.reference is None else tool_curve(plan.reference.positions, planner.robot)
 
 
 def _without_manifold(
@@ -132,9 +131,9 @@ def _without_manifold(
         closed = np.stack([one.configurations for one in close_rounds(even, 0.0)])
         here = item.configurations[0]
         nearest = np.linalg.norm(closed[:, 0] - here, axis=1).argmin()
-        mean, near = (_tool_path(path + here - path[0], robot) for path in (closed.mean(axis=0), closed[nearest]))
+        mean, near = (tool_curve(path + here - path[0], robot) for path in (closed.mean(axis=0), closed[nearest]))
         return mean, near
-    closed_poses = close_rounds(even, _ROTATION_LENGTH)
+    closed_poses = close_rounds(even, TrainingSettings.rotation_length)
     positions = np.stack([one.positions for one in closed_poses])
     turns = continuous_signs(mean_rotation(np.stack([one.quaternions for one in closed_poses])))
     nearest = np.linalg.norm(positions[:, 0] - item.positions[0], axis=1).argmin()
@@ -142,12 +141,7 @@ def _without_manifold(
     return PoseCurve(mean, turns), PoseCurve(near, closed_poses[int(nearest)].quaternions)
 
 
-def _tool_curve(item: Demonstration | JointDemonstration, robot: Robot) -> PoseCurve:
+def _demonstrated_curve(item: Demonstration | JointDemonstration, robot: Robot) -> PoseCurve:
     if isinstance(item, JointDemonstration):
-        return _tool_path(item.configurations, robot)
+        return tool_curve(item.configurations, robot)
     return PoseCurve(item.positions, item.quaternions)
-
-
-def _tool_path(configurations: np.ndarray, robot: Robot) -> PoseCurve:
-    positions, quaternions = end_effector_poses(np.ascontiguousarray(configurations), robot.chain)
-    return PoseCurve(positions, continuous_signs(quaternions))

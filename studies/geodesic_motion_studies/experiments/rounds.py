@@ -15,6 +15,7 @@ spheres   scenes of two rounds, half of them with a sphere that stands on the pa
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -113,6 +114,9 @@ class RoundsReport(Report):
         """Seen from above: a held-out round, the one that was planned, and the mean."""
         figure = Figure(figsize=(4.5 * len(self.paths), 3.4), layout="constrained")
         for number, (name, curves) in enumerate(self.paths.items()):
+            if not curves:
+                # Nothing was answered.
+                continue
             axes = figure.add_subplot(1, len(self.paths), number + 1)
             labels = ("held out", "planned", "mean")
             for curve, label, colour in zip(curves, labels, ("0.6", "C0", "C1"), strict=True):
@@ -120,7 +124,8 @@ class RoundsReport(Report):
             axes.set_aspect("equal")
             axes.set(title=name, xlabel="y [m]", ylabel="x [m]")
             axes.locator_params(nbins=6)
-        figure.legend(*figure.axes[0].get_legend_handles_labels(), loc="outside lower center", ncols=3, frameon=False)
+        handles = figure.axes[0].get_legend_handles_labels() if figure.axes else ([], [])
+        figure.legend(*handles, loc="outside lower center", ncols=3, frameon=False)
         write_figure(figure, path)
 
 
@@ -165,7 +170,7 @@ class RoundsStudy(Study):
         row = RoundsRow(
             recording=name,
             rounds=len(rounds),
-            planned_mm=planned["dtw_mm"],
+            planned_mm=math.nan if planned["dtw_mm"] is None else planned["dtw_mm"],
             mean_mm=mean["dtw_mm"],
             unanswered=planned["unanswered"],
             seam_rms=seam_rms,
