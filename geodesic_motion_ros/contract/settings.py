@@ -94,6 +94,8 @@ EVASION_COSINE = 0.7
 EVASION_DISPLACED_WITHIN, EVASION_DISPLACEMENT, EVASION_SWIVEL = 0.6, 0.15, 0.6
 #: So many of these targets are tried.
 EVASION_DISPLACED = 3
+#: An arm that goes to its goal makes room for what would meet it there within this time [s].
+ROOM_WITHIN = 1.2
 
 # ------------------------------------------------------------------ goals that are covered
 

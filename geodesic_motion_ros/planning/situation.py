@@ -228,6 +228,9 @@ class Situation:
         certificate, objection = self._assess_rest(self._required_to_go_on)
         if self.settings.avoidance and objection:
             return None
+        standing, left = self.played.swept.since(math.inf), self.played.end - self.state.time
+        if not (self.at_rest or self.is_evading) and self._is_met_at_end(standing, left):
+            return None
         return float(np.min(certificate.clearance)) if self.may_follow(self.played) else None
 
     def _assess_rest(self, required: Requirement) -> tuple[Certificate, str]:
@@ -253,26 +256,30 @@ class Situation:
         """
         if plan.trajectory is None:
             return plan
-        if self._is_met_at_end(plan.trajectory.reference):
-            reason = f"at the end of the best path an obstacle would meet the arm within {self.settings.prediction:g} s"
+        reference = plan.trajectory.reference
+        standing = JointReference.standing(reference.positions[-1], reference.latent[-1])
+        if self._is_met_at_end(self.certifier.sweep(standing), reference.duration):
+            reason = "at the end of the best path an obstacle would soon meet the arm"
         elif not self._may_follow_plan(plan, self.limits):
             reason = "on the best path the arm could not stop any more where what moves may come to a stand"
         else:
             return plan
         return Plan(None, plan.begin, Refusal(VerdictCode.NO_FEASIBLE_PATH, reason, plan.verdict.figures))
 
-    def _is_met_at_end(self, reference: JointReference) -> bool:
-        """Whether an arm that makes room, or has arrived, would be met where a reference ends, within the prediction:
-        it would have to leave again. Another arm goes there all the same, and loses no time.
+    def _is_met_at_end(self, standing: SweptArm, duration: float) -> bool:
+        """Whether an obstacle would meet the arm where a motion of a duration [s] ends: within the prediction, where
+        the arm makes room, or has arrived, and would have to leave again. Another arm goes there all the same, and
+        loses no time, unless it is met within `ROOM_WITHIN`: it makes room at once.
+
+        standing : the arm where the motion ends.
         """
-        followed, left = self.followed, self.settings.prediction - reference.duration
+        followed = self.followed
         arrived = self.at_rest and followed is not None and followed.purpose is Purpose.GOAL
-        if not (arrived or self.is_evading) or not self.settings.avoidance:
+        counted = self.settings.prediction if arrived or self.is_evading else constants.ROOM_WITHIN
+        left = min(counted, self.settings.prediction) - duration
+        if left <= 0.0 or self.expected_obstacles.is_static or not self.settings.avoidance:
             return False
-        if left <= 0.0 or self.expected_obstacles.is_static:
-            return False
-        standing = self.certifier.sweep(JointReference.standing(reference.positions[-1], reference.latent[-1]))
-        obstacles = self.expected_obstacles.at(self.state.time + reference.duration, self.settings.prediction)
+        obstacles = self.expected_obstacles.at(self.state.time + duration, self.settings.prediction)
         return bool(self.certifier.assess(standing, obstacles, self.requirements.evasion.until(left))[1])
 
     def _may_follow_plan(self, plan: Plan, limits: JointLimits) -> bool:

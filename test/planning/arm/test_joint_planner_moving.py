@@ -9,6 +9,7 @@ from itertools import count
 import numpy as np
 import pytest
 
+from geodesic_motion_ros.certification.declared_scene import DeclaredScene
 from geodesic_motion_ros.contract import settings as constants
 from geodesic_motion_ros.contract.mode import Mode
 from geodesic_motion_ros.contract.status import Refusal, VerdictCode
@@ -219,6 +220,35 @@ def test_an_arm_that_has_arrived_makes_room_for_what_comes_and_returns(
     assert hit < 0.0 < least
     assert max(stream.jumps) < 1e-6
     check_return(stream, goal, nominal)
+
+
+@pytest.mark.parametrize("within", [None, 0.0], ids=["promised", "control: it arrives first"])
+@pytest.mark.parametrize("late", [0.1, 0.3])
+def test_an_arm_on_its_path_makes_room_for_what_would_meet_it_as_it_arrives(
+    stream, start, goal, nominal, least_clearance, monkeypatch, late, within
+) -> None:
+    """A sphere passes the hand at the goal so much later [s] than the arm comes to rest there: too late to leave."""
+    if within is not None:
+        monkeypatch.setattr(constants, "ROOM_WITHIN", within)
+    skill, settings = stream.planner.skill, stream.planner.settings
+    planner = ReactivePlanner(skill, settings, scene=DeclaredScene.empty())
+    stream = replace(stream, planner=planner)
+    stream.stand_at(start)
+    assert planner.set_goal_configuration(goal).ok
+    stream.run(stream.period)
+    reference, begin = planner.motion_to_goal()
+    (hand, _), radius, velocity = planner.robot.forward(goal), 0.04, np.array([-0.2, 0.0, 0.2])
+    # It touches the hand before its centre is there.
+    met, least = begin + reference.duration + late + 0.1, np.inf
+    while stream.now < met + 1.0:
+        centre = hand + (stream.now - met) * velocity
+        planner.set_obstacles(centre[None], np.array([radius]), velocity[None], stream.now)
+        stream.run(stream.period)
+        sphere = (hand + (stream.now - met) * velocity)[None], np.array([radius])
+        least = min(least, least_clearance(stream.postures[-1:], sphere))
+    assert (least > 0.0) == (within is None), least
+    if within is None:
+        check_return(stream, goal, nominal)
 
 
 def test_an_arm_that_can_only_evade_narrowly_does(stream, start, goal, nominal, least_clearance) -> None:
