@@ -203,7 +203,8 @@ class MovingBench:
             evaluate_nodes(np.arange(len(to_goal)), fresh[2])
             shortest_path(adjacency, base, fixed, shares, fresh[2], margin, np.zeros_like(to_goal), source, target)
         if cost < limit or np.isfinite(found.cost):
-            into.error = max(into.error, abs(found.cost / cost - 1.0))
+            # Where a sampled node is start and goal at once both costs are 0.
+            into.error = max(into.error, abs(found.cost - cost) / cost if cost > 0.0 else found.cost)
 
     def new_goals(self, motion: Motion, random: np.random.Generator, into: NewGoals) -> None:
         """Request new goals in motion, each in a motion of its own, and wait for the first reference to each."""
