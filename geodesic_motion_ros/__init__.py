@@ -8,16 +8,20 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from geodesic_motion_ros.certification.declared_scene import DeclaredScene
     from geodesic_motion_ros.demonstrations.demonstrations import Demonstrations
+    from geodesic_motion_ros.filtering.motion_filter import MotionFilter
     from geodesic_motion_ros.obstacles.obstacles import Obstacles
     from geodesic_motion_ros.planning.planner import ReactivePlanner
     from geodesic_motion_ros.robot.kinematics import Robot
     from geodesic_motion_ros.skill.skill import Skill
 
-__all__ = ["Demonstrations", "Obstacles", "ReactivePlanner", "Robot", "Skill"]
+__all__ = ["DeclaredScene", "Demonstrations", "MotionFilter", "Obstacles", "ReactivePlanner", "Robot", "Skill"]
 
 _MODULES = {
+    "DeclaredScene": "certification.declared_scene",
     "Demonstrations": "demonstrations.demonstrations",
+    "MotionFilter": "filtering.motion_filter",
     "Obstacles": "obstacles.obstacles",
     "ReactivePlanner": "planning.planner",
     "Robot": "robot.kinematics",

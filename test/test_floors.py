@@ -31,6 +31,7 @@ FLOORS = (
     {"detours"},
     {"motion"},
     {"planning", "demonstrations"},
+    {"filtering"},
     {"kernels", "simulation", "visualization", "learning", "hardware"},
     {"nodes"},
     {"demo", "paper"},

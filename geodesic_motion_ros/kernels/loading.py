@@ -7,18 +7,23 @@ seconds.
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
 from geodesic_motion_ros.contract.status import Refusal, VerdictCode
+from geodesic_motion_ros.filtering.motion_filter import MotionFilter
+from geodesic_motion_ros.filtering.offer import Offer
 from geodesic_motion_ros.geometry.pose import Pose
 from geodesic_motion_ros.geometry.task_frame import TaskFrame
 from geodesic_motion_ros.motion.evasion_motion import evasion_beside_graph
-from geodesic_motion_ros.motion.plan import MotionState
+from geodesic_motion_ros.motion.plan import Aim, MotionState, Plan
 from geodesic_motion_ros.motion.played import FollowedPlan, PlayedTrajectory
 from geodesic_motion_ros.motion.retry import Workings
 from geodesic_motion_ros.obstacles.obstacles import Obstacles
 from geodesic_motion_ros.planning.planner import ReactivePlanner
 from geodesic_motion_ros.planning.situation import Situation
+from geodesic_motion_ros.planning.streaming_planner import StreamingPlanner
 from geodesic_motion_ros.queries.search import load_search
 from geodesic_motion_ros.trajectory.timing import load_references
 from geodesic_motion_ros.trajectory.trajectory import JointReference
@@ -56,13 +61,39 @@ def load_kernels(planner: ReactivePlanner) -> None:
         standing = JointReference.standing(start, query.start_latent)
         evasion_beside_graph(solver, query, state, obstacles, standing, _REACH, Workings())
     plan = solver.solve(query, state, obstacles, solver.cautious_attempts)
+    moving = _followed(planner, query, plan, obstacles)
+    if moving is not None:
+        arm.query_from(moving.state, moving.followed, goal)
+
+
+def load_filter_kernels(motion_filter: MotionFilter) -> None:
+    """Load every compiled kernel that a tick of a filter may call, as `load_kernels` does for a planner."""
+    solver, start = motion_filter.arm.solver, motion_filter.robot.ready
+    load_references(motion_filter.limits, solver.tool)
+    obstacles, still = Obstacles.one_of_each(np.array([0.0, 0.0, 3.0]), np.full(3, 1e-3), 0.0), np.zeros_like(start)
+    times = np.linspace(0.0, 2.0, 21)
+    # From rest to rest it is played at its times, in full motion at the end it is not.
+    for passed in (0.5 - 0.5 * np.cos(np.pi * times / times[-1]), times / times[-1]):
+        offer = Offer(times, start + 0.1 * passed[:, None])
+        state = MotionState(0.0, start, still, still, offer.start_latent)
+        reference = solver.motion(offer, state, 0.0)
+        if reference is None:
+            continue
+        solver.longest_free(reference, state, obstacles, lambda plan: plan)
+        _followed(motion_filter, offer, solver.certified(reference, state, obstacles), obstacles)
+    if motion_filter.may_detour:
+        solver.find_detour(offer, start, 0.0, obstacles, _REACH)
+
+
+def _followed(planner: StreamingPlanner[Any], aim: Aim, plan: Plan, obstacles: Obstacles) -> Situation | None:
+    """Call what a tick calls that follows a plan: the situation then; None where there is no motion."""
     if plan.trajectory is None:
-        return
-    played = PlayedTrajectory(plan.trajectory, 0.0, solver.certifier)
-    followed = FollowedPlan.of(query, plan, obstacles, 0.0)
-    moving = Situation(planner.settings, planner.limits, solver.certifier, played, followed, 0.1, obstacles)
-    moving.free_path(query)
-    arm.query_from(moving.state, followed, goal)
+        return None
+    certifier = planner.arm.solver.certifier
+    played, followed = PlayedTrajectory(plan.trajectory, 0.0, certifier), FollowedPlan.of(aim, plan, obstacles, 0.0)
+    moving = Situation(planner.settings, planner.limits, certifier, played, followed, 0.1, obstacles)
+    moving.remaining_clearance()
     stop = moving.begin_stop(Refusal(VerdictCode.NO_GOAL)).plan
     if stop.trajectory is not None:
         plan.trajectory.continue_by(stop.trajectory, 0.0, stop.begin)
+    return moving

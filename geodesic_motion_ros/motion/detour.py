@@ -21,6 +21,7 @@ from geodesic_motion_ros.detours.detour_band import Band, draw_tight
 from geodesic_motion_ros.detours.detour_frame import DemonstratedSpread, DetourFrame, demonstrated_mode, deviations
 from geodesic_motion_ros.detours.detour_search import LatticePath, cheapest_detour
 from geodesic_motion_ros.geometry.curves import arc_length_fractions
+from geodesic_motion_ros.motion.motion_judge import MotionJudge
 from geodesic_motion_ros.motion.plan import MotionState, Plan
 from geodesic_motion_ros.motion.retry import Question
 from geodesic_motion_ros.motion.solver import Solver
@@ -112,11 +113,68 @@ class Detour:
         )  # fmt: skip
 
 
-class DetourPlanner:
+class DetourFinder:
+    """A finder of detours beside any base path, and of their certified motions; any thread may call it."""
+
+    def __init__(self, judge: MotionJudge) -> None:
+        self._judge = judge
+
+    def find_beside(self, frame: DetourFrame, query: PathEnds, obstacles: Obstacles, reach: float) -> Detour | Refusal:
+        """Return the cheapest detour of up to `reach` [m] beside one base path, certified for an arm that begins at
+        rest; or why there is none.
+
+        The path of the lattice is drawn tight and smoothed. Where that is not certified with any smoothing, the path of
+        the lattice itself is smoothed.
+        """
+        judge = self._judge
+        required = judge.requirements.detour
+        swept = obstacles.swept(required.horizon).beside(judge.scene.solids)
+        ends = min(
+            obstacle_clearance(judge.collision, judge.robot, end, swept)[0] for end in (query.start, query.goal)
+        )
+        if ends <= 0.0:
+            return COVERED_END
+        margin = required.searched.of(ends)
+        arm = ArmInScene.of(judge.robot, judge.collision, swept, judge.seen_volume_beside(frame.configurations))
+        path = cheapest_detour(frame, arm, reach, margin)
+        if isinstance(path, Refusal):
+            if not arm.seen.everything:
+                without = cheapest_detour(frame, arm._replace(seen=SeenVolume.unbounded()), reach, margin)
+                return without if isinstance(without, Refusal) else UNSEEN
+            return path
+        band = draw_tight(frame, arm, path, reach, margin)
+        drawn = [] if band is None else [Detour.from_band(query, frame, path, band, width) for width in SMOOTHINGS]
+        rounded = (Detour.from_lattice(query, frame, path, width) for width in LATTICE_SMOOTHINGS)
+        still = np.zeros_like(query.start)
+        at_start = MotionState(obstacles.time, query.start, still, still, None)
+        refusal: Refusal | None = None
+        for detour in chain(drawn, rounded):
+            verdict = self.plan(detour, at_start, obstacles).verdict
+            if not isinstance(verdict, Refusal):
+                return detour
+            refusal = refusal or verdict
+        assert refusal is not None
+        return refusal
+
+    def plan(self, detour: Detour, state: MotionState, obstacles: Obstacles) -> Plan:
+        """Return the certified motion along a detour from a state at its start, or why it is not certified."""
+        seen = self._judge.seen_volume_beside(detour.base)
+        plan = self._judge.plan_along(detour.query, state, detour.configurations, detour.latent, obstacles, seen)
+        verdict = plan.verdict
+        if verdict.ok:
+            verdict = verdict.with_remark(
+                f"a detour: it leaves what was demonstrated by {100 * detour.displacement:.1f} cm"
+            )
+        left = {name: getattr(detour, name) for name in ("displacement", "swivel", "deviation")}
+        return replace(plan, verdict=verdict.with_figures(**left))
+
+
+class DetourPlanner(DetourFinder):
     """A planner that finds detours on one skill, and plans their certified motions; any thread may call it."""
 
     def __init__(self, solver: Solver, spread: DemonstratedSpread | None = None) -> None:
         """spread : of the skill's demonstrations; None: it is worked out."""
+        super().__init__(solver)
         self._solver = solver
         self._spread = spread or DemonstratedSpread.of(solver.skill, solver.robot)
 
@@ -160,55 +218,6 @@ class DetourPlanner:
                 return found
             refusals.append(found)
         return UNSEEN if UNSEEN in refusals else refusals[-1]
-
-    def find_beside(self, frame: DetourFrame, query: PathEnds, obstacles: Obstacles, reach: float) -> Detour | Refusal:
-        """Return the cheapest detour of up to `reach` [m] beside one base path, certified for an arm that begins at
-        rest; or why there is none.
-
-        The path of the lattice is drawn tight and smoothed. Where that is not certified with any smoothing, the path of
-        the lattice itself is smoothed.
-        """
-        solver = self._solver
-        required = solver.requirements.detour
-        swept = obstacles.swept(required.horizon).beside(solver.scene.solids)
-        ends = min(
-            obstacle_clearance(solver.collision, solver.robot, end, swept)[0] for end in (query.start, query.goal)
-        )
-        if ends <= 0.0:
-            return COVERED_END
-        margin = required.searched.of(ends)
-        arm = ArmInScene.of(solver.robot, solver.collision, swept, solver.seen_volume_beside(frame.configurations))
-        path = cheapest_detour(frame, arm, reach, margin)
-        if isinstance(path, Refusal):
-            if not arm.seen.everything:
-                without = cheapest_detour(frame, arm._replace(seen=SeenVolume.unbounded()), reach, margin)
-                return without if isinstance(without, Refusal) else UNSEEN
-            return path
-        band = draw_tight(frame, arm, path, reach, margin)
-        drawn = [] if band is None else [Detour.from_band(query, frame, path, band, width) for width in SMOOTHINGS]
-        rounded = (Detour.from_lattice(query, frame, path, width) for width in LATTICE_SMOOTHINGS)
-        still = np.zeros_like(query.start)
-        at_start = MotionState(obstacles.time, query.start, still, still, None)
-        refusal: Refusal | None = None
-        for detour in chain(drawn, rounded):
-            verdict = self.plan(detour, at_start, obstacles).verdict
-            if not isinstance(verdict, Refusal):
-                return detour
-            refusal = refusal or verdict
-        assert refusal is not None
-        return refusal
-
-    def plan(self, detour: Detour, state: MotionState, obstacles: Obstacles) -> Plan:
-        """Return the certified motion along a detour from a state at its start, or why it is not certified."""
-        seen = self._solver.seen_volume_beside(detour.base)
-        plan = self._solver.plan_along(detour.query, state, detour.configurations, detour.latent, obstacles, seen)
-        verdict = plan.verdict
-        if verdict.ok:
-            verdict = verdict.with_remark(
-                f"a detour: it leaves what was demonstrated by {100 * detour.displacement:.1f} cm"
-            )
-        left = {name: getattr(detour, name) for name in ("displacement", "swivel", "deviation")}
-        return replace(plan, verdict=verdict.with_figures(**left))
 
 
 def without_detour(plan: Plan, reach: float, refusal: Refusal) -> Plan:

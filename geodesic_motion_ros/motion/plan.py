@@ -3,15 +3,28 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 
 from geodesic_motion_ros.certification.certificate import JudgedTrajectory
 from geodesic_motion_ros.contract.mode import Mode
 from geodesic_motion_ros.contract.status import Refusal, Verdict
-from geodesic_motion_ros.queries.query import ArmQuery
+from geodesic_motion_ros.queries.round_frame import RoundFrame
 from geodesic_motion_ros.queries.search import LatentPath
 from geodesic_motion_ros.trajectory.trajectory import JointReference
+
+
+class Aim(Protocol):
+    """What a motion leads to, as the stream knows it: a query to a goal, or a trajectory that was offered."""
+
+    @property
+    def start_latent(self) -> np.ndarray:
+        """The latent point (d,) where it begins."""
+
+    @property
+    def round_frame(self) -> RoundFrame | None:
+        """The frame of its rounds; None: it is not closed."""
 
 
 @dataclass(frozen=True)
@@ -67,9 +80,9 @@ class MotionState:
     velocity: np.ndarray
     acceleration: np.ndarray
     latent: np.ndarray | None
-    query: ArmQuery | None = None
+    query: Aim | None = None
 
-    def latent_on(self, query: ArmQuery) -> np.ndarray:
+    def latent_on(self, query: Aim) -> np.ndarray:
         """Return the latent point (d,) on the graph of a query; where there is none, that of the query's start.
 
         On the path of another query of a closed skill, which may be rounds away, it is the one nearest to the start.

@@ -14,10 +14,9 @@ from geodesic_motion_ros.certification.certificate import ArmCertifier, JudgedTr
 from geodesic_motion_ros.contract import settings as constants
 from geodesic_motion_ros.contract.mode import Purpose
 from geodesic_motion_ros.contract.status import Verdict
-from geodesic_motion_ros.motion.plan import MotionState, Plan
+from geodesic_motion_ros.motion.plan import Aim, MotionState, Plan
 from geodesic_motion_ros.motion.retry import TIME_ROUNDING, PastSearch, Question, is_due
 from geodesic_motion_ros.obstacles.obstacles import Obstacles
-from geodesic_motion_ros.queries.query import ArmQuery
 from geodesic_motion_ros.queries.search import KnownPaths, LatentPath
 from geodesic_motion_ros.robot.limits import JointLimits
 from geodesic_motion_ros.trajectory.trajectory import SAME_TIME, JointReference
@@ -101,7 +100,7 @@ class FollowedPlan:
     slowed : the limits that the motion was slowed down to, where these have been lowered; None: it was not.
     """
 
-    query: ArmQuery
+    query: Aim
     purpose: Purpose
     verdict: Verdict
     last_search: PastSearch | None
@@ -115,7 +114,7 @@ class FollowedPlan:
     @classmethod
     def of(
         cls,
-        query: ArmQuery,
+        query: Aim,
         plan: Plan,
         obstacles: Obstacles,
         now: float,

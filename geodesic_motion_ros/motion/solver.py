@@ -12,23 +12,23 @@ from dataclasses import replace
 import numpy as np
 
 from geodesic_motion_ros.certification.arm_clearance import nearest_obstacle, obstacle_clearance
-from geodesic_motion_ros.certification.certificate import ArmCertifier, Certificate
+from geodesic_motion_ros.certification.certificate import Certificate
 from geodesic_motion_ros.certification.declared_scene import DeclaredScene
-from geodesic_motion_ros.certification.seen_volume import SeenVolume
 from geodesic_motion_ros.contract import settings as constants
-from geodesic_motion_ros.contract.requirement import Requirement, Requirements
+from geodesic_motion_ros.contract.requirement import Requirement
 from geodesic_motion_ros.contract.settings import Attempt, PlannerSettings
 from geodesic_motion_ros.contract.status import Figures, Refusal, Verdict, VerdictCode
 from geodesic_motion_ros.manifold.configuration_graph import ConfigurationGraph
 from geodesic_motion_ros.manifold.geodesic_refinement import refined
 from geodesic_motion_ros.manifold.obstacle_weights import NodeEvaluation
 from geodesic_motion_ros.manifold.pose_graph import PoseGraph
-from geodesic_motion_ros.motion.path_timer import JointCurve, PathTimer, TimedPath, meet_ends
+from geodesic_motion_ros.motion.motion_judge import MotionJudge
+from geodesic_motion_ros.motion.path_timer import JointCurve, PathTimer, TimedPath
 from geodesic_motion_ros.motion.plan import MotionState, Plan
 from geodesic_motion_ros.motion.retry import Workings
 from geodesic_motion_ros.obstacles.obstacles import Obstacles
 from geodesic_motion_ros.queries.output_space import OutputSpace
-from geodesic_motion_ros.queries.query import ArmQuery, PathEnds
+from geodesic_motion_ros.queries.query import ArmQuery
 from geodesic_motion_ros.queries.search import (
     NO_NODE_REMOVED,
     BegunSearch,
@@ -42,14 +42,14 @@ from geodesic_motion_ros.robot.collision_model import CollisionModel, self_clear
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.robot.limits import JointLimits
 from geodesic_motion_ros.skill.skill import Skill
-from geodesic_motion_ros.trajectory.limited_tool import LimitedTool
+from geodesic_motion_ros.trajectory.trajectory import JointReference
 from geodesic_motion_ros.utils.deadline import NEVER, Deadline
 
 #: The largest distance that an attempt keeps from obstacles, as a multiple of the margin.
 _LARGEST_MULTIPLE = max(attempt.multiple for attempt in constants.ATTEMPTS)
 
 
-class Solver:
+class Solver(MotionJudge):
     """A planner of single motions on one skill; any thread may call it, as no call changes it. What a search has worked
     out that the next one need not repeat is in the caller's `Workings`.
 
@@ -74,14 +74,9 @@ class Solver:
         limits: JointLimits,
         scene: DeclaredScene | None = None,
     ) -> None:
-        self.scene = scene or DeclaredScene.empty()
-        self.skill, self.graph, self.settings, self.robot = skill, graph, settings, robot
-        self.collision, self.limits = collision, limits
-        self.space = OutputSpace.of(skill)
-        self.tool = LimitedTool(robot, settings.tool_limits(self.space.tool_limits))
-        self.requirements = Requirements.of(settings)
+        self.skill, self.graph, self.space = skill, graph, OutputSpace.of(skill)
+        super().__init__(robot, collision, settings, limits, self.space.tool_limits, scene)
         self.attempts = constants.ATTEMPTS
-        self.certifier = ArmCertifier(robot, collision, self.scene)
         pace = skill.pace if settings.timing == "demonstrated" else None
         self.timer = PathTimer(graph, self.space.smoothing, settings, limits, self.tool, self.certifier, pace)
 
@@ -217,31 +212,11 @@ class Solver:
         start, largest = state.latent_on(query), self.requirements.goal.searched.share * ends
         return MarginSearch(self.graph, query, start, begun, deadline, self.settings, largest)
 
-    def plan_along(
-        self,
-        query: PathEnds,
-        state: MotionState,
-        curve: np.ndarray,
-        latent: np.ndarray,
-        obstacles: Obstacles,
-        seen: SeenVolume,
-    ) -> Plan:
-        """Return the certified motion along configurations (m, eta) from where the arm is to a query's goal; or why it
-        is not certified.
-
-        latent : (m, d) latent points beside the configurations. seen : the motion stays inside of this volume.
+    def time_along(self, state: MotionState, curve: JointCurve) -> JointReference | Refusal:
+        """Return the motion along a curve that begins where the arm is, no faster than was shown; or why there is none.
         """
-        timed = self.timer.time_curve(state, meet_ends(curve, latent, state.position, query.goal))
-        if isinstance(timed, Refusal):
-            return Plan(None, state.time, replace(timed, figures=query.misfits))
-        certificate, objection = self.certifier.assess(timed.swept, obstacles, self.requirements.detour)
-        objection = objection or self.certifier.seen_objection(timed.swept, seen)
-        clearance = float(np.min(certificate.clearance))
-        figures = replace(query.misfits, clearance=clearance, end_correction=timed.correction)
-        if objection:
-            refusal = Refusal(VerdictCode.NO_FEASIBLE_PATH, f"on the detour {objection}", figures)
-            return Plan(None, state.time, refusal)
-        return Plan(self.certifier.judge(timed.reference, certificate), state.time, Verdict(figures=figures))
+        timed = self.timer.time_curve(state, curve)
+        return timed if isinstance(timed, Refusal) else timed.reference
 
     def clearance(self, configuration: np.ndarray, obstacles: Obstacles) -> float:
         """Return the clearance [m] of the arm in a configuration (eta,) from obstacles."""
@@ -337,14 +312,6 @@ class Solver:
         """Return the figures of a path that is timed, or why it is not followed (`search.judge_path`)."""
         sigma, clearance = self.graph.sigma_at(timed.latent), float(np.min(certificate.clearance))
         return judge_path(self.skill, self.graph, query, sigma, path, clearance, timed.correction, objection)
-
-    def seen_volume_beside(self, base: np.ndarray) -> SeenVolume:
-        """Return the volume in which an arm may be that leaves configurations (k, eta) of a base path (setting
-        `unseen`).
-        """
-        if self.settings.unseen == "free":
-            return SeenVolume.unbounded()
-        return SeenVolume.of_base_path(base, self.scene.seen, self.robot, self.collision)
 
     def base_path(self, query: ArmQuery, obstacles: Obstacles) -> JointCurve | Refusal:
         """Return the geodesic of the metric that obstacles reshape, whether it is free of them or not; or why there is

@@ -12,6 +12,8 @@ from geodesic_motion_ros.contract.status import Refusal, VerdictCode
 
 Result = TypeVar("Result")
 _LOGGER = logging.getLogger(__name__)
+#: The time from the request of a detour to its arrival [s], where a planner is given no other worker.
+DETOUR_DELAY = 0.15
 #: Of times [s].
 _ROUNDING = 1e-6
 

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from geodesic_motion_ros.contract.status import Refusal, Verdict, VerdictCode
+from geodesic_motion_ros.filtering.offer import OfferRequest
 from geodesic_motion_ros.obstacles.tracker import ObstacleSet
 from geodesic_motion_ros.planning.mission import GoalRequest
 from geodesic_motion_ros.robot.held_objects import HeldObject
@@ -30,7 +31,7 @@ class CycleInputs:
     drive_age : [s] since it commanded that.
     transit : the longest that messages of the arm have lately taken to here [s].
     unarmed : why nothing is to be commanded, but planned and shown; "" where the planner is armed.
-    goal : the newest requested goal, or the refusal of its message; None before the first.
+    goal : the newest requested goal, or offered trajectory, or the refusal of its message; None before the first.
     goal_number : grows with every requested goal.
     obstacles : those that exist now.
     silent_sources : obstacle topics that have fallen silent, with for how long [s]; empty where that does
@@ -53,7 +54,7 @@ class CycleInputs:
 
     measured: np.ndarray | None
     state_age: float
-    goal: GoalRequest | Refusal | None
+    goal: GoalRequest | OfferRequest | Refusal | None
     goal_number: int
     obstacles: ObstacleSet
     silent_sources: dict[str, float] = field(default_factory=dict)

@@ -12,7 +12,7 @@ from __future__ import annotations
 import array
 import math
 from collections.abc import Collection, Sequence
-from typing import Protocol
+from typing import NamedTuple, Protocol
 
 import numpy as np
 from builtin_interfaces.msg import Duration, Time
@@ -160,6 +160,17 @@ def other_prefix(there: Collection[str], names: Sequence[str], prefix: str) -> s
     return None
 
 
+class TrajectoryPoints(NamedTuple):
+    """The points of a joint trajectory as its message has them: times (m,) [s] from its start, positions (m, eta)
+    [rad], velocities and accelerations where it has any.
+    """
+
+    times: np.ndarray
+    positions: np.ndarray
+    velocities: np.ndarray | None
+    accelerations: np.ndarray | None
+
+
 def read_joint_trajectory(message: JointTrajectory, robot: Robot, prefix: str = "") -> JointWaypoints:
     """Return the waypoints of a trajectory in the robot's order of joints; the message may use any.
 
@@ -169,6 +180,20 @@ def read_joint_trajectory(message: JointTrajectory, robot: Robot, prefix: str = 
     accelerations that only some points have, accelerations without velocities.
 
     prefix : that of the robot's names, to say which one the message has.
+    """
+    read = read_trajectory_points(message, robot, prefix)
+    try:
+        waypoints = JointWaypoints(*read)
+    except RobotError as error:
+        raise MessageRefused(str(error)) from error
+    check_limits(read.positions.min(axis=0), robot)
+    check_limits(read.positions.max(axis=0), robot)
+    return waypoints
+
+
+def read_trajectory_points(message: JointTrajectory, robot: Robot, prefix: str = "") -> TrajectoryPoints:
+    """Return the points of a trajectory in the robot's order of joints, whatever their numbers are; the message may use
+    any order. prefix : as of `read_joint_trajectory`.
     """
     names, points = message.joint_names, message.points
     missing = [name for name in robot.joint_names if name not in names]
@@ -196,13 +221,7 @@ def read_joint_trajectory(message: JointTrajectory, robot: Robot, prefix: str = 
         raise MessageRefused("joint trajectory has no positions: they are needed at each point")
     if efforts is not None:
         raise MessageRefused("joint trajectory has efforts: joints are moved by positions here")
-    try:
-        waypoints = JointWaypoints(times, positions, velocities, accelerations)
-    except RobotError as error:
-        raise MessageRefused(str(error)) from error
-    check_limits(positions.min(axis=0), robot)
-    check_limits(positions.max(axis=0), robot)
-    return waypoints
+    return TrajectoryPoints(times, positions, velocities, accelerations)
 
 
 def _values_of_points(points: Sequence[JointTrajectoryPoint], name: str, order: Sequence[int]) -> np.ndarray | None:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import get_args
+from dataclasses import replace
+from typing import Any, get_args
 
 from geodesic_motion_ros.contract.settings import LARGEST_DETOUR, Timing, Unseen
 from geodesic_motion_ros.manifold.ambient_law import LAWS
@@ -601,4 +602,41 @@ FRANKA = (
     ),
 )
 
-TABLES = {"planner": PLANNER, "twin": TWIN, "record": RECORD, "franka": FRANKA}
+#: Parameters of the planner that belong to its skill, or to poses as output: a filter has none of these.
+_OF_SKILLS = {
+    "skill", "output", "avoid", "tool_spheres", "ambient_strength", "ambient_width_ratio", "ambient_law", "cost_cap",
+    "task_frame", "ridge_strength", "query_conditioning", "maximum_offset", "maximum_offset_angle",
+    "maximum_joint_offset", "timing", "periodic", "rounds", "body_radius", "refine", "approach_covered_goal",
+    "tracking_tolerance", "tracking_tolerance_angle", "latent_view_rate", "latent_view_size",
+}  # fmt: skip
+#: What is otherwise with a filter: what is offered says itself how fast the arm is to be.
+_OF_FILTER: dict[str, dict[str, Any]] = {
+    "base_frame": {
+        "description": "Frame of all poses; messages in other frames go through tf2 where it is installed, and are "
+        "refused otherwise. The default stands for the robot's own frame, with joint_prefix"
+    },
+    "scene": {
+        "description": "What always stands around the arm: a file, as in config/scenes, or the name of one of those; "
+        "none: nothing; empty: that is not known, and no motion leaves what is offered"
+    },
+    "detour": {
+        "description": "With recover: detour the tool may leave what is offered by so much, where obstacles block it "
+        "and a scene is declared"
+    },
+    "speed_scale": {"default": 1.0},
+    "acceleration_scale": {"default": 1.0},
+}
+
+FILTER = (
+    Parameter("robot", DEFAULT_ROBOT, "Which arm it is: the name or the folder of its description"),
+    Parameter(
+        "recover",
+        "wait",
+        "What the arm does that has come to rest before what stands on its path: wait until that leaves, or detour: "
+        "after `patience` it passes around, which needs a scene",
+        choices=("wait", "detour"),
+    ),
+    *(replace(one, **_OF_FILTER.get(one.name, {})) for one in PLANNER if one.name not in _OF_SKILLS),
+)
+
+TABLES = {"planner": PLANNER, "filter": FILTER, "twin": TWIN, "record": RECORD, "franka": FRANKA}

@@ -16,12 +16,14 @@ from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Executor
 from dataclasses import replace
 from functools import partial
+from typing import Any
 
 import numpy as np
 
 from geodesic_motion_ros.certification.arm_clearance import obstacle_clearance
 from geodesic_motion_ros.contract.mode import Mode
 from geodesic_motion_ros.contract.status import Refusal, Verdict, VerdictCode
+from geodesic_motion_ros.filtering.motion_filter import MotionFilter
 from geodesic_motion_ros.geometry.distance_field import DistanceField
 from geodesic_motion_ros.geometry.task_frame import TaskFrame
 from geodesic_motion_ros.motion.plan import Plan
@@ -39,9 +41,8 @@ from geodesic_motion_ros.nodes.sent_trajectories import SentTrajectories
 from geodesic_motion_ros.nodes.shown_plan import ShownPlan
 from geodesic_motion_ros.nodes.steady_error import SteadyError
 from geodesic_motion_ros.obstacles.obstacles import Obstacles
-from geodesic_motion_ros.planning.guarded_arm import PreparedArm
-from geodesic_motion_ros.planning.mission import GoalRequest, PreparedGoal
 from geodesic_motion_ros.planning.planner import ReactivePlanner
+from geodesic_motion_ros.planning.streaming_planner import PreparedArm
 from geodesic_motion_ros.robot.held_objects import HeldObject
 from geodesic_motion_ros.trajectory.receding_horizon import Horizon
 from geodesic_motion_ros.trajectory.trajectory import JointReference
@@ -60,8 +61,12 @@ _NAMED = ("obstacles", "obstacle_marker")
 _NO_PROGRESS = 0.01
 
 
+#: What goes to goals with a skill, or plays trajectories that are offered.
+GoalPlanner = ReactivePlanner | MotionFilter
+
+
 class PlannerCycle:
-    """The cycle of the planner node for a whole arm, which turns inputs into ticks and plans into commands.
+    """The cycle of a node that commands a whole arm, which turns inputs into ticks and plans into commands.
 
     Parameters
     ----------
@@ -91,7 +96,7 @@ class PlannerCycle:
 
     def __init__(
         self,
-        planner: ReactivePlanner,
+        planner: GoalPlanner,
         state_timeout: float,
         resume_timeout: float,
         tracking_tolerance: float,
@@ -111,7 +116,7 @@ class PlannerCycle:
         self._clock, self._time = clock, CycleClock()
         self._began = 0.0
         self._arm = ArmWatch()
-        self._goal: NewestGoal[PreparedGoal] = NewestGoal(self._take_prepared, planner.clear_goal, background)
+        self._goal: NewestGoal[Any] = NewestGoal(self._take_prepared, planner.clear_goal, background)
         # Whether goals are to be prepared later, with what the hand is about to hold; and which held objects do not
         # count yet, for which the arm stands; "": none.
         self._goals_wait, self._uncounted = False, ""
@@ -435,12 +440,11 @@ class PlannerCycle:
         if not self._goals_wait:
             self._goal.take_prepared()
 
-    def _preparing(self, inputs: CycleInputs) -> Callable[[], PreparedGoal | Refusal]:
+    def _preparing(self, inputs: CycleInputs) -> Callable[[], Any]:
         self._again = False
-        assert isinstance(inputs.goal, GoalRequest)  # it is new, and no refusal
         return partial(self.planner.prepare, inputs.goal)
 
-    def _take_prepared(self, prepared: PreparedGoal | Refusal) -> Verdict:
+    def _take_prepared(self, prepared: Any) -> Verdict:
         """Plan to a prepared goal from now on; a refused one leaves the goal before."""
         if self._again and isinstance(prepared, Refusal):
             self._goal.is_set = False
@@ -464,6 +468,7 @@ class PlannerCycle:
     def _take_task_frame(self, frame: PoseArrays | None) -> None:
         if frame is None or frame is self._task_frame:
             return
+        assert isinstance(self.planner, ReactivePlanner)  # nobody else hears of a task frame
         self._task_frame = frame
         self._frame_verdict = self.planner.move_task_frame(*frame)
         if self._goal.is_set and self._frame_verdict.ok and self._goal.is_prepared:

@@ -9,6 +9,7 @@ from __future__ import annotations
 import time
 import traceback
 from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 
 import numpy as np
 from nav_msgs.srv import GetPlan
@@ -32,6 +33,29 @@ from geodesic_motion_ros.utils.errors import ParameterError
 from geodesic_motion_ros.visualization.latent_view import LatentPicture
 
 
+@dataclass(frozen=True)
+class Subject:
+    """What a node plans with, as it tells a person.
+
+    Attributes
+    ----------
+    name : "skill 'panda_pouring'", or what there is in its place. robot : the name of the arm, or its folder.
+    goal, goals : what it waits for, and on which topic. inputs : what hears it.
+    """
+
+    name: str
+    robot: str
+    goal: str
+    goals: str
+    inputs: type[PlannerInputs] = PlannerInputs
+
+    @classmethod
+    def of_skill(cls, skill: Skill, robot: Robot) -> Subject:
+        """Return a skill, whose goals are poses or configurations."""
+        goals = "goal_pose" if robot.takes_poses else "goal_joints"
+        return cls(f"skill '{skill.name}'", skill.robot, "a goal", goals)
+
+
 class PlannerFace:
     """Inputs, outputs, loop, pictures and services of a node whose cycles command an arm.
 
@@ -46,30 +70,31 @@ class PlannerFace:
         self,
         node: LoopingNode,
         options: NodeParameters,
-        skill: Skill,
+        subject: Subject,
         robot: Robot,
         command_topic: str,
         guarded: str,
         tick: Callable[[int], None],
         died: Callable[[BaseException], None],
         tool_poses: Callable[[object], PoseArrays],
-        plan: Callable[[PoseArrays, PoseArrays], tuple[PoseArrays | None, Verdict]],
+        plan: Callable[[PoseArrays, PoseArrays], tuple[PoseArrays | None, Verdict]] | None,
         obstacles_changed: Callable[[], None] = lambda: None,
     ) -> None:
-        """command_topic, guarded : as of `PlannerOutputs`.
+        """subject : what is planned with. command_topic, guarded : as of `PlannerOutputs`.
 
         tick : one cycle of the loop, so many periods after the one before. died : what is to be done when an
         exception has ended the loop.
         tool_poses : of a reference: positions (n, 3) [m] and quaternions (n, 4).
-        plan : tool poses of a path between two poses under the present obstacles, and the verdict.
+        plan : tool poses of a path between two poses under the present obstacles, and the verdict; None: that is no
+            service of the node.
         obstacles_changed : called when something new is known of obstacles, from the thread that heard it.
         """
         self._node, self._options, self._tool_poses, self._plan = node, options, tool_poses, plan
         robot = robot.prefixed(options["joint_prefix"])
         armed = options.values.get("armed", True)
-        self.inputs = PlannerInputs(node, options, robot, skill.robot, obstacles_changed, armed)
+        self.inputs = subject.inputs(node, options, robot, subject.robot, obstacles_changed, armed)
         self.outputs = PlannerOutputs(
-            node, options["base_frame"], skill.robot, command_topic, guarded, robot.joint_names, self.inputs.time
+            node, options["base_frame"], subject.robot, command_topic, guarded, robot.joint_names, self.inputs.time
         )
         self._log = node.get_logger()
         self._said: dict[str, float] = {}
@@ -86,26 +111,24 @@ class PlannerFace:
         self._every(1.0, self._look_at_commands, "the search for other commanders")
         self._every(1.0, self.inputs.look_at_publishers, "the look at who publishes obstacles")
         # A plan takes longer than a joint state may be old.
-        self._answering = (
-            BackgroundService(node, GetPlan, "plan", self._on_plan),
+        self._answering: tuple[BackgroundService, ...] = (
             BackgroundService(node, SetBool, "~/hold", self._on_hold, at_once=True),
             BackgroundService(node, Trigger, "~/clear_obstacles", self._on_clear_obstacles, at_once=True),
         )
         if "armed" in options.values:
             self._answering += (BackgroundService(node, SetBool, "~/arm", self._on_arm, at_once=True),)
-        goal = "goal_pose" if robot.takes_poses else "goal_joints"
-        self._awaited = tuple(node.resolve_topic_name(name) for name in ("joint_states", goal))
-        self._name = skill.name
+        if plan is not None:
+            self._answering += (BackgroundService(node, GetPlan, "plan", self._on_plan),)
+        self._awaited = tuple(node.resolve_topic_name(name) for name in ("joint_states", subject.goals))
+        self._subject = subject
 
-    def introduction(self, subject: str) -> str:
-        """Return what the node is ready for, what it publishes and what it waits for. subject : what moves, for a
-        person.
-        """
+    def introduction(self, moved: str) -> str:
+        """Return what the node is ready for, what it publishes and what it waits for. moved : for a person."""
         states, goals = self._awaited
         unarmed = self.inputs.arming.unarmed
         return (
-            f"ready: skill '{self._name}' of {subject}, commands on {self.outputs.command_topic}; "
-            f"waits for {states}, then for a goal on {goals}" + (f"; {unarmed}" if unarmed else "")
+            f"ready: {self._subject.name} of {moved}, commands on {self.outputs.command_topic}; "
+            f"waits for {states}, then for {self._subject.goal} on {goals}" + (f"; {unarmed}" if unarmed else "")
         )
 
     def start(self) -> None:
@@ -290,6 +313,7 @@ class PlannerFace:
 
     def _on_plan(self, request: GetPlan.Request, response: GetPlan.Response) -> GetPlan.Response:
         frame, poses = self._options["base_frame"], None
+        assert self._plan is not None
         try:
             poses, verdict = self._plan(
                 *(_request_pose(request, end, frame, self.inputs.frames) for end in ("start", "goal"))

@@ -19,6 +19,7 @@ from std_msgs.msg import String
 from visualization_msgs.msg import Marker, MarkerArray
 
 from geodesic_motion_ros.contract.status import Refusal, VerdictCode
+from geodesic_motion_ros.filtering.offer import OfferRequest
 from geodesic_motion_ros.geometry.point_clouds import MOMENT
 from geodesic_motion_ros.geometry.pose import Pose
 from geodesic_motion_ros.geometry.shapes import no_solids
@@ -120,10 +121,9 @@ class PlannerInputs:
         self.arm = ArmState(robot, self.refusals, parameters["joint_prefix"])
         self._transit = TransitWatch()
         self.drive = ArmState(robot, self.refusals, parameters["joint_prefix"], DRIVE_TOPIC)
-        self._goal: GoalRequest | Refusal | None = None
+        self._goal: GoalRequest | OfferRequest | Refusal | None = None
         self._goal_number = 0
-        origin = np.array(parameters["task_frame"])
-        self._task_frame = origin[:3], origin[3:]
+        self._task_frame: tuple[np.ndarray, np.ndarray] | None = None
         self._task_frame_taken: float | None = None
         self._hold = False
         self._held: tuple[HeldObject, ...] = ()
@@ -141,9 +141,7 @@ class PlannerInputs:
         for topic, receive in (("joint_states", self.on_joint_states), (DRIVE_TOPIC, self.on_drive)):
             node.create_subscription(JointState, topic, receive, RECENT, raw=True)
         self._subscribe(String, "robot_description", lambda message: self._described.receive(message.data), LATCHED)
-        self._subscribe(PoseStamped, "goal_pose", self._on_goal, GOALS)
-        self._subscribe(JointState, "goal_joints", self._on_goal_joints, GOALS)
-        self._subscribe(PoseStamped, "task_frame", self.on_task_frame, GOALS)
+        self._subscribe_goals()
         # Markers are edits of a set: each of them is needed. Of points and clouds the next one replaces what was lost;
         # clouds are large, and only the newest counts.
         self._obstacle_topics: dict[str, ObstacleSubscription] = {}
@@ -285,6 +283,14 @@ class PlannerInputs:
             self._seen = None
         return count
 
+    def _subscribe_goals(self) -> None:
+        """Hear where the arm is to go."""
+        origin = np.array(self._parameters["task_frame"])
+        self._task_frame = origin[:3], origin[3:]
+        self._subscribe(PoseStamped, "goal_pose", self._on_goal, GOALS)
+        self._subscribe(JointState, "goal_joints", self._on_goal_joints, GOALS)
+        self._subscribe(PoseStamped, "task_frame", self.on_task_frame, GOALS)
+
     def _subscribe(self, kind: type, topic: str, take: Callable[[Any], None], qos: QoSProfile) -> None:
         def receive(message: Any) -> None:
             with self.refusals.guard(topic):
@@ -359,7 +365,7 @@ class PlannerInputs:
             raise
         self._set_goal(goal)
 
-    def _set_goal(self, goal: GoalRequest | Refusal) -> None:
+    def _set_goal(self, goal: GoalRequest | OfferRequest | Refusal) -> None:
         with self._lock:
             self._goal = goal
             self._goal_number += 1

@@ -23,7 +23,7 @@ from geodesic_motion_ros.nodes.cycle import CycleInputs, CycleOutput, PoseArrays
 from geodesic_motion_ros.nodes.parameter_tables import PLANNER
 from geodesic_motion_ros.nodes.parameters import NodeParameters, Value
 from geodesic_motion_ros.nodes.planner_cycle import PlannerCycle
-from geodesic_motion_ros.nodes.planner_face import PlannerFace
+from geodesic_motion_ros.nodes.planner_face import PlannerFace, Subject
 from geodesic_motion_ros.nodes.planner_parameters import (
     load_skill,
     planner_settings,
@@ -76,8 +76,8 @@ class PlannerNode(LoopingNode):
         self.cycle.paused = why_paused(values.values)
         self.cycle.state_topic = self.resolve_topic_name("joint_states")
         self.face = PlannerFace(
-            self, values, skill, self.planner.robot, values["output"], self.planner.settings.avoid, self._tick,
-            self._died, self._tool_poses, self._plan, self._obstacles_changed,
+            self, values, Subject.of_skill(skill, self.planner.robot), self.planner.robot, values["output"],
+            self.planner.settings.avoid, self._tick, self._died, self._tool_poses, self._plan, self._obstacles_changed,
         )  # fmt: skip
         self.inputs, self.outputs, self.loop = self.face.inputs, self.face.outputs, self.face.loop
         self.inputs.declared = self.planner.scene.solids

@@ -64,17 +64,15 @@ def defaults_of_robot(skill: Skill, values: Mapping[str, Value]) -> dict[str, Va
 
 
 def planner_settings(values: Mapping[str, Value]) -> PlannerSettings:
-    """Return the planner's settings; PlanningError where parameters do not go together."""
-    spheres = np.array(values["tool_spheres"]).reshape(-1, 4)
-    limits = {name: None if values[name] < 0.0 else values[name] for name in _TOOL_LIMITS}
-    return PlannerSettings(
-        tool_points=tuple(map(tuple, spheres[:, :3].tolist())),
-        tool_radii=tuple(spheres[:, 3].tolist()),
-        # An arm that rests is not slow besides.
-        speed_override=1.0 if why_paused(values) else values["speed_override"],
-        **limits,
-        **{name: values[name] for name in _SETTINGS},
-    )
+    """Return the settings of a planner, or of a filter; PlanningError where parameters do not go together."""
+    chosen = {name: values[name] for name in _SETTINGS if name in values}
+    chosen |= {name: None if values[name] < 0.0 else values[name] for name in _TOOL_LIMITS}
+    if "tool_spheres" in values:
+        spheres = np.array(values["tool_spheres"]).reshape(-1, 4)
+        points, radii = map(tuple, spheres[:, :3].tolist()), spheres[:, 3].tolist()
+        chosen |= {"tool_points": tuple(points), "tool_radii": tuple(radii)}
+    # An arm that rests is not slow besides.
+    return PlannerSettings(speed_override=1.0 if why_paused(values) else values["speed_override"], **chosen)
 
 
 def why_paused(values: Mapping[str, Value]) -> str:

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 from rclpy.utilities import remove_ros_args
 
-from geodesic_motion_ros.nodes.parameter_tables import FRANKA, PLANNER, RECORD, TWIN
+from geodesic_motion_ros.nodes.parameter_tables import FILTER, FRANKA, PLANNER, RECORD, TWIN
 from geodesic_motion_ros.nodes.parameters import Parameter, short_text
 from geodesic_motion_ros.utils.errors import ParameterError
 
@@ -35,6 +35,13 @@ PROGRAMS = {
     program.name: program
     for program in (
         Program("planner", PLANNER, "planner.yaml"),
+        Program(
+            "filter",
+            FILTER,
+            "filter.yaml",
+            "Plays what others offer on `~/joint_trajectory` and `~/joint_target`, and brakes before obstacles.",
+            ("filter --ros-args -p robot:=fr3 -p scene:=none -r ~/joint_trajectory:=/policy/actions",),
+        ),
         Program(
             "twin",
             TWIN,

@@ -15,7 +15,7 @@ from geodesic_motion_ros.contract.status import Verdict
 from geodesic_motion_ros.geometry.task_frame import TaskFrame
 from geodesic_motion_ros.nodes.cycle import CycleInputs, CycleOutput, PoseArrays
 from geodesic_motion_ros.nodes.parameters import NodeParameters, Value
-from geodesic_motion_ros.nodes.planner_face import PlannerFace
+from geodesic_motion_ros.nodes.planner_face import PlannerFace, Subject
 from geodesic_motion_ros.nodes.planner_parameters import load_skill, refuse_no_rotation, tool_tolerance
 from geodesic_motion_ros.nodes.running import LoopingNode, run_node
 from geodesic_motion_ros.paper.paper_cycle import PaperCycle
@@ -55,8 +55,8 @@ class PaperNode(LoopingNode):
         )
         self.cycle.state_topic = self.resolve_topic_name("joint_states")
         self.face = PlannerFace(
-            self, options, skill, self.planner.robot, stream.topic, "nothing", self._tick, self._died,
-            self.planner.tool_poses, self._plan,
+            self, options, Subject.of_skill(skill, self.planner.robot), self.planner.robot, stream.topic, "nothing",
+            self._tick, self._died, self.planner.tool_poses, self._plan,
         )  # fmt: skip
         self.inputs, self.outputs, self.loop = self.face.inputs, self.face.outputs, self.face.loop
         self.face.draw_path(self._draw_markers)

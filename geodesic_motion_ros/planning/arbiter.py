@@ -13,7 +13,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from geodesic_motion_ros.contract.mode import Purpose
 from geodesic_motion_ros.contract.settings import JOIN_LASTS, LAST_JOIN, SEARCH_PERIOD
 from geodesic_motion_ros.contract.status import Refusal, VerdictCode
 from geodesic_motion_ros.motion.detour import DetourRequest, without_detour
@@ -78,7 +77,7 @@ class Arbiter:
         if self.mission.active is None:
             stop = situation.begin_stop(Refusal(VerdictCode.NO_GOAL, "no goal has been given"))
             return Decision(stop, None, replace(memory, blocked_since=math.inf))
-        if situation.exceeds_limits and (slowed := self._slowed(situation)) is not None:
+        if situation.exceeds_limits and (slowed := situation.slowed()) is not None:
             return Decision(slowed, query, memory)
         coming = None if self.mission.next_round is None else self.mission.next_round.query(situation.now)
         if coming is not None and situation.at_rest:
@@ -127,19 +126,6 @@ class Arbiter:
             searched = replace(followed, last_search=PastSearch(question, situation.now, is_answered=False))
             return Decision(situation.go_on(searched.verdict, searched), query, self.memory)
         return self._decision(turn.take_path(coming, plan, turn.memory.after(plan, coming, None, attempts, situation)))
-
-    @staticmethod
-    def _slowed(situation: Situation) -> Step | None:
-        """The step in which an arm that moves too fast slows down on its path, or stops where that is not free; None
-        where it does so already, or evades: then it is met if it is slower.
-        """
-        followed = situation.followed
-        if followed is None or followed.purpose not in (Purpose.GOAL, Purpose.APPROACH):
-            return None
-        if followed.slowed is situation.limits:
-            return None
-        reason = "the arm is to be slower, and slowed down on its path it would meet what moves"
-        return situation.slow_down() or situation.begin_stop(Refusal(VerdictCode.NO_FEASIBLE_PATH, reason))
 
     def _needs_no_check(self, followed: FollowedPlan) -> bool:
         """Whether the path that is followed needs neither a new certificate nor a new search: the settings are those of

@@ -13,15 +13,15 @@ from geodesic_motion_ros.contract.status import Refusal, VerdictCode
 from geodesic_motion_ros.geometry.pose import Pose
 from geodesic_motion_ros.geometry.task_frame import TaskFrame
 from geodesic_motion_ros.motion.detour import COVERED_END, Detour, DetourPlanner, DetourRequest, without_detour
+from geodesic_motion_ros.motion.motion_judge import changed_limits
 from geodesic_motion_ros.motion.plan import MotionState, Plan
 from geodesic_motion_ros.motion.played import FollowedPlan
 from geodesic_motion_ros.motion.solver import Solver
 from geodesic_motion_ros.obstacles.obstacles import Obstacles
 from geodesic_motion_ros.planning.mission import GoalRequest
-from geodesic_motion_ros.queries.query import ArmGoal, ArmQuery, QueryBuilder
+from geodesic_motion_ros.queries.query import ArmGoal, ArmQuery, Query, QueryBuilder
 from geodesic_motion_ros.robot.collision_model import CollisionModel
 from geodesic_motion_ros.robot.held_objects import HeldObject
-from geodesic_motion_ros.robot.limits import JointLimits
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,18 +58,12 @@ class GuardedArm:
         """
         old = self.solver
         collision = self.empty.holding(old.robot, objects)
-        solver = Solver(old.skill, old.graph, settings, old.robot, collision, self._limits(settings), old.scene)
+        limits = changed_limits(old, settings)
+        solver = Solver(old.skill, old.graph, settings, old.robot, collision, limits, old.scene)
         return replace(
             self, objects=tuple(objects), collision=collision, solver=solver,
             queries=self.queries.guard(collision, settings), detours=self.detours.with_solver(solver),
         )  # fmt: skip
-
-    def _limits(self, settings: PlannerSettings) -> JointLimits:
-        """The joints' limits with the scales of settings; the same as before where these are."""
-        old, scales = self.solver, ("joint_speed_scale", "acceleration_scale")
-        if all(getattr(settings, name) == getattr(old.settings, name) for name in scales):
-            return old.limits
-        return JointLimits.of(old.robot, settings.joint_speed_scale, settings.acceleration_scale)
 
     def goal(self, request: GoalRequest, frame: TaskFrame) -> ArmGoal | Refusal:
         """Return the goal of a request, or why the request is refused; frame : the task frame."""
@@ -100,7 +94,7 @@ class GuardedArm:
 
         rounds : as of `QueryBuilder.redirect`.
         """
-        if followed is not None and state.latent is not None:
+        if followed is not None and isinstance(followed.query, Query) and state.latent is not None:
             query = self.queries.redirect(followed.query, state.position, state.latent, goal, rounds)
             if query is not None:
                 return query
@@ -151,15 +145,3 @@ class GuardedArm:
             here = self.queries.redirect(query, request.position, latent, request.goal, 0)
         here = here or self.queries.build(request.position, request.goal, 0)
         return here if isinstance(here, Refusal) else self.find_detour(here, obstacles, request.reach)
-
-
-@dataclass(frozen=True, eq=False)
-class PreparedArm:
-    """An arm with other objects in its hand, or other settings, and the query that was being followed with them.
-
-    query : in the place of `before`; None: there was none.
-    """
-
-    arm: GuardedArm
-    before: ArmQuery | None
-    query: ArmQuery | None

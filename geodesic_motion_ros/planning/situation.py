@@ -420,6 +420,18 @@ class Situation:
             search = replace(search, question=Question(followed.query, self.obstacles))
         return self.hand_out(plan, replace(followed, verdict=verdict, last_search=search, slowed=self.limits), followed)
 
+    def slowed(self) -> Step | None:
+        """Return the step in which an arm that moves too fast slows down on its path, or stops where that is not free;
+        None where it does so already, or evades: then it is met if it is slower.
+        """
+        followed = self.followed
+        if followed is None or followed.purpose not in (Purpose.GOAL, Purpose.APPROACH):
+            return None
+        if followed.slowed is self.limits:
+            return None
+        reason = "the arm is to be slower, and slowed down on its path it would meet what moves"
+        return self.slow_down() or self.begin_stop(Refusal(VerdictCode.NO_FEASIBLE_PATH, reason))
+
     def begin_stop(self, verdict: Verdict, followed: FollowedPlan | None = None) -> Step:
         """Return the step in which the arm begins the soonest stop; an arm that stops already, or rests, goes on doing
         so.

@@ -272,9 +272,9 @@ def _played(
     Also in which time [s] the quintic does so.
     """
     mismatch = state - curve.motion(law.sample(np.array([begin])))[:, 0]
-    length = _correction_length(mismatch, limits.acceleration, limits.jerk)
+    length = correction_length(mismatch, limits.acceleration, limits.jerk)
     if tool is not None:
-        length = max(length, _correction_length(tool.mismatch(state[0], mismatch), tool.accelerations, tool.jerks))
+        length = max(length, correction_length(tool.mismatch(state[0], mismatch), tool.accelerations, tool.jerks))
     times = knot_times(max(law.end - begin, length), period)
     passed = law.sample(begin + times)
     fading = np.zeros((3, 2, mismatch.shape[1]))
@@ -298,8 +298,8 @@ def tool_limit_ratio(tool: LimitedTool, reference: JointReference, fading: float
 
 
 @numba.njit(cache=True, nogil=True)
-def _correction_length(mismatch: np.ndarray, acceleration: np.ndarray, jerk: np.ndarray) -> float:
-    """Time [s] in which a mismatch (3, eta) of position, velocity and acceleration can fade as a quintic.
+def correction_length(mismatch: np.ndarray, acceleration: np.ndarray, jerk: np.ndarray) -> float:
+    """Return the time [s] in which a mismatch (3, eta) of position, velocity and acceleration fades as a quintic.
 
     Over a time T the acceleration of the quintic that takes a position, or a velocity, and nothing else to 0 is at most
     5.78 / T^2, or 3.94 / T, of it; the jerk of one that takes an acceleration to 0 at most 9 / T.

@@ -35,6 +35,7 @@ from visualization_msgs.msg import Marker, MarkerArray
 
 from geodesic_motion_ros.nodes import marker_messages, messages
 from geodesic_motion_ros.nodes.cycle_clock import LONGEST_ADVANCE
+from geodesic_motion_ros.nodes.filter_node import FilterNode
 from geodesic_motion_ros.nodes.planner_node import PlannerNode
 from geodesic_motion_ros.nodes.running import STEADY
 from geodesic_motion_ros.nodes.twin_node import TwinNode
@@ -49,7 +50,10 @@ PATIENCE = 200.0
 STEP = LONGEST_ADVANCE
 #: By which message of a node it is seen up to when it has lived: one with a header, sent at least every STEP.
 _STATUS = DiagnosticArray, "planner/status"
-ANSWERS = {PlannerNode: _STATUS, PaperNode: _STATUS, TwinNode: (JointState, "joint_states")}
+ANSWERS = {
+    PlannerNode: _STATUS, PaperNode: _STATUS, TwinNode: (JointState, "joint_states"),
+    FilterNode: (DiagnosticArray, "filter/status"),
+}  # fmt: skip
 BASE = "panda_link0"
 
 

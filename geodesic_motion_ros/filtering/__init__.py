@@ -1,0 +1,1 @@
+"""Trajectories that others want an arm to play: checked, joined to what it plays, certified, and braked in time."""

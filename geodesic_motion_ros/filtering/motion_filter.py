@@ -1,0 +1,286 @@
+"""MotionFilter: trajectories that others offer, obstacles and the time -> what the arm plays, certified, once per tick.
+
+A policy sends chunks, a planner whole trajectories, a joystick targets. Each is joined to what is played, timed no
+faster than offered, and certified for the whole arm by the requirements of every motion of the planner. Where it is not
+free the longest part that is is played, and the arm brakes along its path; it goes on once that clears.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from functools import partial
+from typing import Any, Literal
+
+import numpy as np
+
+from geodesic_motion_ros.certification.declared_scene import DeclaredScene
+from geodesic_motion_ros.contract.mode import Purpose
+from geodesic_motion_ros.contract.settings import PlannerSettings
+from geodesic_motion_ros.contract.status import Refusal, Verdict, VerdictCode
+from geodesic_motion_ros.filtering.offer import (
+    LATEST_BEGIN,
+    Offer,
+    OfferRequest,
+    checked_offer,
+    joining_objection,
+)
+from geodesic_motion_ros.filtering.offer_solver import FilteredArm
+from geodesic_motion_ros.motion.detour import Detour, DetourFinder
+from geodesic_motion_ros.motion.plan import Plan
+from geodesic_motion_ros.motion.played import FollowedPlan, Step
+from geodesic_motion_ros.motion.retry import TIME_ROUNDING, PastSearch, Question
+from geodesic_motion_ros.motion.worker import DETOUR_DELAY, Job, Worker
+from geodesic_motion_ros.obstacles.obstacles import Obstacles
+from geodesic_motion_ros.planning.situation import Situation
+from geodesic_motion_ros.planning.streaming_planner import PreparedArm, StreamingPlanner
+from geodesic_motion_ros.robot.collision_model import CollisionModel
+from geodesic_motion_ros.robot.kinematics import Robot
+from geodesic_motion_ros.trajectory.trajectory import JointReference
+
+#: What an arm does that was stopped by what stands on its path.
+Recovery = Literal["wait", "detour"]
+#: A longer part of an offer that is free is played where it is longer by this [s].
+_GAIN = 0.05
+#: The progress of a motion has this many numbers: its time.
+_PROGRESS = 1
+
+
+class MotionFilter(StreamingPlanner[FilteredArm]):
+    """A filter of the motions that others want an arm to make, as a stream: observe, offer, tick.
+
+    One thread calls all its methods. Times are of one clock, the caller's; obstacles are of the base frame.
+
+    Example
+    -------
+    >>> motion_filter = MotionFilter("panda", DeclaredScene.empty())
+    >>> motion_filter.stand_at(q, now=0.0)
+    >>> motion_filter.observe(Obstacles.of_spheres(centres, radii, velocities, time=0.0))
+    >>> verdict = motion_filter.offer(times, positions, begin=0.1)
+    >>> plan = motion_filter.tick(now=0.0)  # plan.reference is played from plan.begin on; plan.verdict: why it brakes
+    """
+
+    def __init__(
+        self,
+        robot: str,
+        scene: DeclaredScene | None = None,
+        settings: PlannerSettings | None = None,
+        collision: CollisionModel | None = None,
+        recover: Recovery = "wait",
+        detours: Worker | None = None,
+    ) -> None:
+        """robot : the name of an arm, or its folder. scene : what always stands around it; None: that is not known.
+
+        settings : of the planner; None: its defaults, and all of the speed and acceleration that the arm has.
+        collision : the spheres that obstacles are kept away from; None: those of the arm. recover : what an arm does
+        that has come to rest before what stands on its path: it waits for that to leave, or after `patience` passes
+        around it (a scene must be known). detours : what searches how; None: one whose results take `DETOUR_DELAY`.
+        """
+        named = Robot.named(robot)
+        if settings is None:
+            settings = PlannerSettings(speed_scale=named.largest_speed_scale, acceleration_scale=1.0)
+        model, known = collision or CollisionModel.named(robot), scene or DeclaredScene.empty()
+        super().__init__(FilteredArm.of(named, model, settings, known), named, scene, _PROGRESS)
+        # The newest offer; and the one that is played, as long as the newest has not begun. None: there is none.
+        self._newest: Offer | None = None
+        self._active: Offer | None = None
+        self._recovers = recover == "detour" and self.may_detour
+        self._worker = detours or Worker(DETOUR_DELAY)
+        # Since when the arm has had no free motion [s], and the detour that was searched last.
+        self._blocked_since = math.inf
+        self._detour: tuple[Question, Job[Detour | Refusal]] | None = None
+
+    # ---------------------------------------------------------------- inputs
+
+    def observe(self, obstacles: Obstacles) -> Verdict:
+        """Replace all obstacles by others; BAD_INPUT names the first that is not valid, and the old ones stay."""
+        return self.take_obstacles(obstacles)
+
+    def offer(
+        self, times: object, positions: object, velocities: object = None, begin: float | None = None
+    ) -> Verdict:
+        """Offer a trajectory, which takes the place of the one before from the next tick on: points at `times` (m,)
+        [s], increasing, with positions (m, eta) [rad] and, where they are known, velocities [rad/s].
+
+        begin : when time 0 is [s]; None: at once. BAD_INPUT names what is wrong: then the one before stays.
+        """
+        return self.take_goal(self.prepare(OfferRequest(times, positions, velocities, begin)))
+
+    def prepare(self, request: OfferRequest) -> Offer | Refusal:
+        """Check an offered trajectory: any thread may do it while another one ticks. BAD_INPUT names what is wrong."""
+        return checked_offer(self.robot, self.limits, request)
+
+    def take_goal(self, offer: Offer | Refusal) -> Verdict:
+        """Play a trajectory that was checked from the next tick on. BAD_INPUT where the arm cannot join it now, or it
+        was refused: then the one before stays.
+        """
+        if isinstance(offer, Refusal):
+            return offer
+        objection = self._joining_objection(offer)
+        if objection:
+            return Refusal(VerdictCode.BAD_INPUT, f"trajectory refused: {objection}")
+        self._newest = offer
+        return Verdict(reason=f"a trajectory of {offer.duration:.2f} s")
+
+    def _joining_objection(self, offer: Offer) -> str:
+        """Why an offer cannot be joined now; "" where it can."""
+        at = self._ticked + self.latency
+        if offer.begin is not None:
+            if offer.begin + offer.duration <= at:
+                late = self._ticked - offer.begin - offer.duration
+                return f"it was over {late:.2f} s ago" if late > 0.0 else "it is over before the arm could join it"
+            if offer.begin > self._ticked + LATEST_BEGIN:
+                return f"it begins in {offer.begin - self._ticked:.0f} s, at most {LATEST_BEGIN:g} s may be"
+        state = self.commanded_state(at)
+        if state is None:
+            return "where the arm stands is not known yet"
+        position = state[0]
+        return joining_objection(self.robot, offer, position, self._joined_at(offer, position, at))
+
+    def _joined_at(self, offer: Offer, position: np.ndarray, time: float) -> float:
+        """The time [s] of an offer at which an arm that is at a position (eta,) [rad] at `time` [s] joins it: the one
+        that is due, where the arm is near its place; else that of the nearest place.
+        """
+        due = float(offer.times[0]) if offer.begin is None else time - offer.begin
+        scheduled = float(np.clip(due, offer.times[0], offer.times[-1]))
+        if offer.begin is not None and not joining_objection(self.robot, offer, position, scheduled):
+            return scheduled
+        return offer.nearest(position, self.limits)
+
+    def clear_goal(self) -> None:
+        """Forget the trajectory that is played: the arm comes to rest along it."""
+        self._newest = self._active = None
+
+    # ------------------------------------------------------------------ ticks
+
+    def _decide(self, situation: Situation) -> Plan:
+        before, newest = self._active, self._newest
+        if newest is not None and (newest.begin is None or situation.state.time >= newest.begin - TIME_ROUNDING):
+            self._active = newest
+        return self._commit_step(situation, self._step(situation), before)
+
+    def _step(self, situation: Situation) -> Step:
+        """What is played from now on."""
+        offer, followed = self._active, situation.followed
+        if offer is None and self._newest is not None:
+            assert self._newest.begin is not None
+            wait = self._newest.begin - situation.state.time
+            return situation.begin_stop(Refusal(VerdictCode.NO_GOAL, f"the trajectory begins in {wait:.1f} s"))
+        if offer is None:
+            return situation.begin_stop(Refusal(VerdictCode.NO_GOAL, "no trajectory has been offered"))
+        if situation.exceeds_limits and (slowed := situation.slowed()) is not None:
+            return slowed
+        if followed is None or followed.query is not offer:
+            progress = self._joined_at(offer, situation.state.position, situation.state.time)
+            return self._attempt(situation, offer, progress)
+        clearance = situation.remaining_clearance() if followed.purpose is not Purpose.STOP else None
+        assert situation.state.latent is not None
+        progress = float(situation.state.latent[0])
+        if clearance is not None and followed.purpose is Purpose.GOAL:
+            return situation.go_on(followed.verdict.with_figures(clearance=clearance))
+        if situation.at_rest and progress >= offer.duration - 1e-6:
+            return situation.go_on(Verdict(reason="the trajectory has been played"))
+        around = self._around(situation, offer, progress)
+        if around is not None:
+            return around
+        due = followed.is_due(situation.obstacles, situation.now)
+        if not due and (clearance is not None or followed.purpose is Purpose.STOP):
+            return situation.go_on(followed.verdict)
+        return self._attempt(situation, offer, progress, goes_on=clearance is not None)
+
+    def _attempt(self, situation: Situation, offer: Offer, progress: float, goes_on: bool = False) -> Step:
+        """Play the rest of an offer from a time [s] of it on, or the longest part that is free.
+
+        goes_on : what is being played, of the same offer, is free.
+        """
+        solver, followed = self._arm.solver, situation.followed
+        reference = solver.motion(offer, situation.state, progress)
+        if reference is None:
+            reason = "stopping first: the trajectory turns off the present motion, or leaves the limits"
+            refusal = Refusal(VerdictCode.NO_FEASIBLE_PATH, reason)
+        else:
+            plan = solver.certified(reference, situation.state, situation.expected_obstacles)
+            plan = situation.require_a_stop(plan)
+            if plan.trajectory is not None:
+                return situation.hand_out(plan, FollowedPlan.of(offer, plan, situation.obstacles, situation.now))
+            refusal = plan.refusal
+            reached = progress
+            if goes_on:
+                reached = _end(situation.played.reference)
+            part = self._free_part(situation, offer, reference, refusal)
+            # An arm in motion brakes along it at least.
+            brakes = not (goes_on or situation.at_rest)
+            if part is not None and part.reference is not None and (brakes or _end(part.reference) > reached + _GAIN):
+                begun = FollowedPlan.of(offer, part, situation.obstacles, situation.now, Purpose.APPROACH)
+                return situation.hand_out(part, begun)
+        if goes_on and followed is not None:
+            search = PastSearch(Question(offer, situation.obstacles), situation.now)
+            return situation.go_on(refusal, replace(followed, verdict=refusal, last_search=search))
+        return situation.begin_stop(refusal)
+
+    def _free_part(
+        self, situation: Situation, offer: Offer, reference: JointReference, refusal: Refusal
+    ) -> Plan | None:
+        """The longest part of a motion along an offer that is free, with the reason why it is no longer; None where not
+        even a stop at once is.
+        """
+        part = self._arm.solver.longest_free(
+            reference, situation.state, situation.expected_obstacles, situation.require_a_stop, situation.deadline
+        )
+        if part is None or part.reference is None:
+            return None
+        played = _end(part.reference) - float(part.reference.latent[0, 0])
+        verdict = refusal.with_figures(clearance=part.verdict.figures.clearance)
+        return replace(part, verdict=verdict.with_remark(f"it plays {played:.2f} s of the trajectory and brakes"))
+
+    def _around(self, situation: Situation, offer: Offer, progress: float) -> Step | None:
+        """Follow the detour that was found for an arm at rest, or have one searched, once it has been blocked for long
+        enough. None: there is none to follow yet.
+        """
+        if not (self._recovers and situation.at_rest):
+            self._blocked_since = math.inf
+            return None
+        state, now = situation.state, situation.now
+        self._blocked_since = min(self._blocked_since, now)
+        question = Question(offer, situation.obstacles, state.position, self._reach)
+        if self._detour is not None and self._detour[0].holds_there(question):
+            asked, job = self._detour
+            if not job.is_done(now):
+                return None
+            if isinstance(job.result, Detour):
+                plan = DetourFinder(self._arm.solver).plan(job.result, state, situation.expected_obstacles)
+                plan = situation.require_a_stop(plan)
+                if plan.trajectory is not None:
+                    self._detour = None
+                    return situation.hand_out(plan, FollowedPlan.of(offer, plan, situation.obstacles, now))
+            if asked.holds_for(question):
+                return None
+        since = min(self._blocked_since, situation.unchanged_since)
+        if now >= since + situation.settings.patience - TIME_ROUNDING:
+            search = partial(
+                self._arm.solver.find_detour, offer, state.position, progress, situation.expected_obstacles, self._reach
+            )
+            self._detour = question, self._worker.start(search, now)
+        return None
+
+    def _stop(self, situation: Situation, verdict: Refusal) -> Plan:
+        return self._commit_step(situation, situation.begin_stop(verdict), self._active)
+
+    # ------------------------------------------------- what depends on where the arm is
+
+    def _take_aim_back(self, aim: Any) -> None:
+        self._active = aim
+
+    def _stands_anew(self) -> None:
+        self.clear_goal()
+
+    def _prepared_arm(self, arm: FilteredArm, holds_others: bool) -> PreparedArm[FilteredArm]:
+        return PreparedArm(arm, None, None)
+
+    def _arm_taken(self, prepared: PreparedArm[FilteredArm]) -> None:
+        return None
+
+
+def _end(reference: JointReference) -> float:
+    """The time [s] of an offer at which a motion along it comes to rest."""
+    return float(reference.latent[-1, 0])

@@ -1,0 +1,176 @@
+"""Offer: a trajectory that somebody else wants an arm to play, a chunk or a whole one, and why it is refused."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from scipy.interpolate import CubicHermiteSpline
+
+from geodesic_motion_ros.contract.status import Refusal, VerdictCode
+from geodesic_motion_ros.queries.round_frame import RoundFrame
+from geodesic_motion_ros.robot.kinematics import Robot
+from geodesic_motion_ros.robot.limits import JointLimits
+from geodesic_motion_ros.trajectory.trajectory import PERIOD
+from geodesic_motion_ros.utils.checked_numbers import real_array
+from geodesic_motion_ros.utils.errors import PlanningError
+
+#: Two points between which a joint would move faster than its limit by this factor are a jump: anything slower is only
+#: timed more slowly.
+JUMP_FACTOR = 2.0
+#: An offer that begins farther than this [rad] from where the arm is to be then is a jump as well.
+LARGEST_JUMP = 0.3
+#: An offer that begins so much later [s] is of another clock.
+LATEST_BEGIN = 60.0
+
+
+@dataclass(frozen=True, eq=False)
+class OfferRequest:
+    """A trajectory as it was offered, whatever is in it: as of `Offer`."""
+
+    times: object
+    positions: object
+    velocities: object = None
+    begin: float | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Offer:
+    """A trajectory that is offered: at its times, no sooner, the arm is to be at its positions.
+
+    Attributes
+    ----------
+    times : (m,) [s] of the points, increasing from `times[0]` >= 0. positions : (m, eta) [rad].
+    velocities : (m, eta) [rad/s]; None: the points alone say how the arm moves.
+    begin : when time 0 is [s]; None: at once.
+    """
+
+    times: np.ndarray
+    positions: np.ndarray
+    velocities: np.ndarray | None = None
+    begin: float | None = None
+
+    @property
+    def duration(self) -> float:
+        """The time of its last point [s]."""
+        return float(self.times[-1])
+
+    @property
+    def start_latent(self) -> np.ndarray:
+        """The progress (1,) [s] at its first point: what the stream has in the place of a latent point."""
+        return self.times[:1]
+
+    @property
+    def round_frame(self) -> RoundFrame | None:
+        """An offer has no rounds."""
+        return None
+
+    @cached_property
+    def points(self) -> tuple[np.ndarray, np.ndarray]:
+        """Times (n,) [s] and positions (n, eta) [rad] that say how the arm moves: of the cubics between points that
+        have velocities no more than a period apart, else its points.
+        """
+        if self.velocities is None or len(self.times) < 2:
+            return self.times, self.positions
+        pieces = np.maximum(1, np.ceil(np.diff(self.times) / PERIOD - 1e-6).astype(int))
+        inner = np.repeat(np.arange(len(pieces)), pieces)
+        share = np.concatenate([np.arange(count) / count for count in pieces])
+        times = np.append(self.times[inner] + share * np.diff(self.times)[inner], self.times[-1])
+        return times, CubicHermiteSpline(self.times, self.positions, self.velocities)(times)
+
+    def at(self, progress: float) -> np.ndarray:
+        """Return the position (eta,) [rad] at a time [s] of it."""
+        times, positions = self.points
+        return np.array([np.interp(progress, times, column) for column in positions.T])
+
+    def nearest(self, position: np.ndarray, limits: JointLimits) -> float:
+        """Return the time [s] of its place that the arm comes to soonest at full speed from a position (eta,) [rad]."""
+        times, positions = self.points
+        if len(times) == 1:
+            return float(times[0])
+        begins, steps = positions[:-1] / limits.velocity, np.diff(positions, axis=0) / limits.velocity
+        away = position / limits.velocity - begins
+        lengths = np.maximum(np.sum(steps**2, axis=1), 1e-18)
+        share = np.clip(np.sum(away * steps, axis=1) / lengths, 0.0, 1.0)
+        apart = np.linalg.norm(away - share[:, None] * steps, axis=1)
+        i = int(np.argmin(apart))
+        return float(times[i] + share[i] * (times[i + 1] - times[i]))
+
+
+def checked_offer(robot: Robot, limits: JointLimits, request: OfferRequest) -> Offer | Refusal:
+    """Return a trajectory as an offer, or the refusal that names the first point, joint and number that are wrong.
+
+    limits : [rad], [rad/s] that positions must keep, and that jumps are judged by.
+    """
+    joints, given, begin = len(robot.joint_names), request.velocities, request.begin
+    try:
+        at = real_array("times", request.times, ("m",))
+        where = real_array("positions", request.positions, ("m", joints))
+        speeds = None if given is None else real_array("velocities", given, ("m", joints))
+    except PlanningError as error:
+        return _refused(str(error))
+    objection = _shape_objection(at, where, speeds) or _number_objection(robot, at, where, speeds, begin)
+    objection = objection or _limit_objection(robot, limits, at, where)
+    return _refused(objection) if objection else Offer(at, where, speeds, begin)
+
+
+def _shape_objection(at: np.ndarray, where: np.ndarray, speeds: np.ndarray | None) -> str:
+    if not len(at):
+        return "it has no points"
+    for name, rows in (("positions", where), ("velocities", speeds)):
+        if rows is not None and len(rows) != len(at):
+            return f"it has {len(at)} times and {len(rows)} {name}"
+    return ""
+
+
+def _number_objection(
+    robot: Robot, at: np.ndarray, where: np.ndarray, speeds: np.ndarray | None, begin: float | None
+) -> str:
+    if begin is not None and not np.isfinite(begin):
+        return f"it begins at {begin} s"
+    for name, values in (("position", where), ("velocity", speeds)):
+        wrong = np.empty((0, 2), dtype=int) if values is None else np.argwhere(~np.isfinite(values))
+        for point, joint in wrong[:1]:
+            assert values is not None
+            return f"point {point}: the {name} of '{robot.joint_names[joint]}' is {values[point, joint]}"
+    steps = np.diff(at, prepend=0.0)
+    wrong_times = np.flatnonzero(~((steps > 0.0) | ((np.arange(len(at)) == 0) & (steps == 0.0))))
+    if len(wrong_times):
+        point = wrong_times[0]
+        after = "" if point == 0 else f", not after point {point - 1} at {at[point - 1]:g} s"
+        return f"point {point} comes at {at[point]:g} s{after}"
+    return ""
+
+
+def _limit_objection(robot: Robot, limits: JointLimits, at: np.ndarray, where: np.ndarray) -> str:
+    beyond = np.argwhere((where < limits.lower) | (where > limits.upper))
+    if len(beyond):
+        point, joint = beyond[0]
+        value = where[point, joint]
+        limit = limits.lower[joint] if value < limits.lower[joint] else limits.upper[joint]
+        return f"point {point} takes '{robot.joint_names[joint]}' to {value:.3f} rad, beyond its limit of {limit:.3f}"
+    if len(at) > 1:
+        speeds = np.abs(np.diff(where, axis=0)) / np.diff(at)[:, None]
+        jumps = np.argwhere(speeds > JUMP_FACTOR * limits.velocity)
+        if len(jumps):
+            point, joint = jumps[0]
+            return (
+                f"from point {point} to point {point + 1} '{robot.joint_names[joint]}' would move at "
+                f"{speeds[point, joint]:.1f} rad/s, and its limit is {limits.velocity[joint]:.2f}: a jump"
+            )
+    return ""
+
+
+def joining_objection(robot: Robot, offer: Offer, position: np.ndarray, progress: float) -> str:
+    """Return why the arm, at a position (eta,) [rad], cannot join an offer at a time [s] of it; "" where it can."""
+    apart = np.abs(offer.at(progress) - position)
+    joint = int(np.argmax(apart))
+    if apart[joint] <= LARGEST_JUMP:
+        return ""
+    name = robot.joint_names[joint]
+    return f"it begins {apart[joint]:.2f} rad from where '{name}' is commanded, at most {LARGEST_JUMP:g} may be: a jump"
+
+
+def _refused(reason: str) -> Refusal:
+    return Refusal(VerdictCode.BAD_INPUT, f"trajectory refused: {reason}")

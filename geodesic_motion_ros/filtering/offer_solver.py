@@ -1,0 +1,192 @@
+"""OfferSolver: an offer and a state of motion -> the certified motion that plays the rest of it, or what is free of it.
+
+The motion leads from where the arm is onto the offered points and ends at rest at the last one: at their times, where
+the limits allow that (`trajectory.kept_times`), else nowhere faster (`trajectory.timing`). In the place of latent
+points it has the progress [s]: the time of the offer that each knot has come to.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from geodesic_motion_ros.certification.declared_scene import DeclaredScene
+from geodesic_motion_ros.contract.settings import PlannerSettings
+from geodesic_motion_ros.contract.status import Figures, Refusal, Verdict, VerdictCode
+from geodesic_motion_ros.detours.detour_frame import DetourFrame
+from geodesic_motion_ros.filtering.offer import Offer
+from geodesic_motion_ros.motion.detour import Detour, DetourFinder
+from geodesic_motion_ros.motion.motion_judge import MotionJudge, changed_limits
+from geodesic_motion_ros.motion.path_timer import JointCurve
+from geodesic_motion_ros.motion.plan import MotionState, Plan
+from geodesic_motion_ros.obstacles.obstacles import Obstacles
+from geodesic_motion_ros.robot.collision_model import CollisionModel
+from geodesic_motion_ros.robot.held_objects import HeldObject
+from geodesic_motion_ros.robot.kinematics import Robot
+from geodesic_motion_ros.robot.limits import JointLimits
+from geodesic_motion_ros.trajectory.kept_times import kept_times_reference
+from geodesic_motion_ros.trajectory.stopping import stopping_reference
+from geodesic_motion_ros.trajectory.timing import timed_joint_reference
+from geodesic_motion_ros.trajectory.tool_limits import ToolLimits
+from geodesic_motion_ros.trajectory.trajectory import JointReference, joined
+from geodesic_motion_ros.utils.deadline import NEVER, Deadline
+
+#: Points that are nearer than this in time [s] are one.
+_SHORTEST_STEP = 1e-3
+#: An arm that is beside an offer comes to it in this time [s], or this multiple of the time that full speed would take.
+#: Much longer than chunks are apart: sooner, each of them would lead it farther beside.
+_JOINING, _JOINING_SHARE = 0.2, 4.0
+#: A detour leaves an offer as if it had been demonstrated this widely [m].
+SPREAD = 0.05
+#: An arm is on time where it is nearer than this [rad] to where it is to be.
+_ON_TIME = 2e-3
+#: The longest free part of a motion is found up to this time [s].
+_FREE_PART = 0.03
+
+
+class OfferSolver(MotionJudge):
+    """A solver of the motions that play an offer; any thread may call it, as no call changes it."""
+
+    def motion(self, offer: Offer, state: MotionState, progress: float) -> JointReference | None:
+        """Return the motion from a state along the rest of an offer, from a time [s] of it on; None where the state
+        cannot be led onto it within the limits.
+        """
+        times, positions = offer.points
+        ahead = times > progress + _SHORTEST_STEP
+        ahead[-1] = True
+        at = np.append(min(progress, times[-1] - _SHORTEST_STEP), times[ahead])
+        latent, passed = at[:, None], at - at[0]
+        apart = state.position - offer.at(progress)
+        joining = max(_JOINING, _JOINING_SHARE * float(np.max(np.abs(apart) / self.limits.velocity)))
+        left = np.maximum(0.0, 1.0 - passed / joining)[:, None]
+        # A short offer is over before: its end is kept.
+        left[-1] = 0.0
+        path = np.concatenate([state.position[None], positions[ahead] + left[1:] * apart])
+        if np.max(np.abs(apart)) < _ON_TIME:
+            kept = kept_times_reference(
+                passed, path, latent, self.limits, state.velocity, state.acceleration, self.tool
+            )  # fmt: skip
+            if kept is not None:
+                return kept
+        return timed_joint_reference(
+            path, latent, self.limits, state.velocity, state.acceleration, tool=self.tool, shown=passed
+        )
+
+    def certified(self, reference: JointReference, state: MotionState, obstacles: Obstacles) -> Plan:
+        """Return the plan of a motion from a state, certified among obstacles; or what its certificate objects to."""
+        swept, required = self.certifier.sweep(reference), self.requirements.goal
+        certificate, _ = self.certifier.assess(swept, obstacles, required)
+        ends = float(min(certificate.clearance[0], certificate.clearance[-1]))
+        objection = self.certifier.objection(certificate, required.margin(obstacles, ends))
+        figures = Figures(clearance=float(np.min(certificate.clearance)), in_support=True)
+        if objection and self.settings.avoidance:
+            return Plan(None, state.time, Refusal(VerdictCode.NO_FEASIBLE_PATH, objection, figures))
+        return Plan(self.certifier.judge(reference, certificate), state.time, Verdict(figures=figures))
+
+    def longest_free(
+        self,
+        reference: JointReference,
+        state: MotionState,
+        obstacles: Obstacles,
+        allowed: Callable[[Plan], Plan],
+        deadline: Deadline = NEVER,
+    ) -> Plan | None:
+        """Return the certified motion that plays a motion as long as is free, or as was found in time, and brakes along
+        it; None where not even a stop at once is free.
+
+        allowed : returns a plan, or its refusal where it may not be followed.
+        """
+        best: Plan | None = None
+        free, blocked = 0.0, reference.duration
+        while best is None or (blocked - free > _FREE_PART and not deadline.passed):
+            begin = 0.5 * (free + blocked) if best is not None else 0.0
+            stop = stopping_reference(reference, begin, self.limits)
+            braked = stop if begin == 0.0 else joined(reference, 0.0, stop, begin)
+            plan = allowed(self.certified(braked, state, obstacles))
+            if plan.trajectory is not None:
+                best, free = plan, begin
+            elif best is None:
+                return None
+            else:
+                blocked = begin
+        return best
+
+
+    def time_along(self, state: MotionState, curve: JointCurve) -> JointReference | Refusal:
+        """Return the motion along a curve beside an offer, as fast as can be; or why there is none."""
+        reference = timed_joint_reference(
+            curve.configurations, curve.latent, self.limits, state.velocity, state.acceleration, tool=self.tool
+        )
+        return reference or Refusal(VerdictCode.NO_FEASIBLE_PATH, "the detour exceeds the limits")
+
+    def find_detour(
+        self, offer: Offer, position: np.ndarray, progress: float, obstacles: Obstacles, reach: float
+    ) -> Detour | Refusal:
+        """Return the cheapest detour beside the rest of an offer, from where the arm rests to its end; or why there is
+        none. It leaves the offer as if demonstrations of it differed by `SPREAD`.
+
+        position : (eta,) of the arm [rad]. progress : the time [s] of the offer that it has come to. reach : how far
+        the tool may leave it [m].
+        """
+        times, positions = offer.points
+        ahead = times > progress + _SHORTEST_STEP
+        if not np.any(ahead):
+            return Refusal(VerdictCode.NO_FEASIBLE_PATH, "the trajectory is over")
+        path, at = np.concatenate([position[None], positions[ahead]]), np.append(progress, times[ahead])
+        covariances = np.repeat(SPREAD**2 * np.eye(3)[None], len(path), axis=0)
+        frame = DetourFrame.of_base_path(self.robot, path, at[:, None], covariances)
+        return DetourFinder(self).find_beside(frame, RestOfOffer(position, path[-1]), obstacles, reach)
+
+
+@dataclass(frozen=True)
+class RestOfOffer:
+    """The configurations (eta,) [rad] between which the rest of an offer leads."""
+
+    start: np.ndarray
+    goal: np.ndarray
+
+    @property
+    def misfits(self) -> Figures:
+        """It ends where it was offered to."""
+        return Figures()
+
+
+@dataclass(frozen=True, eq=False)
+class FilteredArm:
+    """An arm with what it holds, as the motions of a filter count it.
+
+    Attributes
+    ----------
+    empty : the spheres of the arm alone. objects : what its hand holds.
+    """
+
+    empty: CollisionModel
+    objects: tuple[HeldObject, ...]
+    solver: OfferSolver
+
+    @property
+    def collision(self) -> CollisionModel:
+        """The spheres of the arm and of what it holds."""
+        return self.solver.collision
+
+    @classmethod
+    def of(
+        cls, robot: Robot, collision: CollisionModel, settings: PlannerSettings, scene: DeclaredScene
+    ) -> FilteredArm:
+        """Return an arm that holds nothing."""
+        limits = JointLimits.of(robot, settings.joint_speed_scale, settings.acceleration_scale)
+        return cls(collision, (), OfferSolver(robot, collision, settings, limits, ToolLimits(), scene))
+
+    def with_changes(self, objects: Sequence[HeldObject], settings: PlannerSettings) -> FilteredArm:
+        """Return the arm with these objects in the place of those that it holds, and with other settings.
+
+        Raises
+        ------
+        RobotError : a scale of the settings is not in (0, 1].
+        """
+        old = self.solver
+        collision, limits = self.empty.holding(old.robot, objects), changed_limits(old, settings)
+        solver = OfferSolver(old.robot, collision, settings, limits, ToolLimits(), old.scene)
+        return FilteredArm(self.empty, tuple(objects), solver)

@@ -1,0 +1,242 @@
+"""Motions that others offer: played as offered where they are free, braked along their path where they are not."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+from geodesic_motion_ros.certification.declared_scene import DeclaredScene
+from geodesic_motion_ros.contract.mode import Mode
+from geodesic_motion_ros.contract.status import VerdictCode
+from geodesic_motion_ros.filtering.motion_filter import MotionFilter, Recovery
+from geodesic_motion_ros.obstacles.obstacles import Obstacles
+from test.filtering.conftest import BEGIN, DURATION, MOVED, Filtering, offered
+
+#: A sphere halfway along the motion, and how large it is [m].
+RADIUS = 0.05
+
+
+def halfway(filtering: Filtering) -> np.ndarray:
+    """The place (3,) [m] of the hand halfway along the offered motion."""
+    return filtering.filter.robot.forward(BEGIN + 0.5 * MOVED)[0]
+
+
+def off_the_path(positions: np.ndarray) -> float:
+    """Largest distance [rad] of a joint from the straight path of the offered motion."""
+    share = np.clip((positions - BEGIN) @ MOVED / (MOVED @ MOVED), 0.0, 1.0)
+    return float(np.max(np.abs(positions - BEGIN - share[:, None] * MOVED)))
+
+
+def keeps_limits(filtering: Filtering) -> bool:
+    """Whether what was commanded keeps the limits of speed, and jumps nowhere."""
+    positions, velocities, _ = np.moveaxis(np.array(filtering.commanded), 1, 0)
+    limits = filtering.filter.limits
+    # Over a tick the mean of both ends' velocities is off by no more than the jerk allows.
+    mean = 0.5 * (velocities[1:] + velocities[:-1])
+    jumps = np.abs(np.diff(positions, axis=0) / 0.01 - mean) > 0.01**2 * limits.jerk + 1e-9
+    return bool(np.all(np.abs(velocities) <= limits.velocity + 1e-9) and not np.any(jumps))
+
+
+@pytest.mark.parametrize(("rate", "with_velocities"), [(30.0, False), (100.0, False), (10.0, True)])
+def test_a_free_trajectory_is_played_as_it_was_offered(
+    filtering: Filtering, rate: float, with_velocities: bool
+) -> None:
+    times = np.linspace(0.0, DURATION, round(rate * DURATION) + 1)
+    positions, velocities = offered(times)
+    assert filtering.filter.offer(times, positions, velocities if with_velocities else None, begin=0.05).ok
+    filtering.run(DURATION + 0.3)
+    played = filtering.positions
+    wanted, _ = offered(0.01 * np.arange(len(played)) - 0.05)
+    # A cubic through points a thirtieth of a second apart is nearer than a milliradian.
+    np.testing.assert_allclose(played, wanted, atol=1e-3)
+    assert filtering.at_rest
+    assert filtering.plans[-1].verdict.ok
+    assert keeps_limits(filtering)
+
+
+@pytest.mark.parametrize("rate", [5.0, 50.0])
+def test_chunks_that_overlap_are_joined_into_one_motion(filtering: Filtering, rate: float) -> None:
+    """Each tells the next half second, thirty points a second, from where the arm is to be."""
+    ahead = np.arange(16) / 30.0
+
+    def send(now: float) -> None:
+        if round(now * 100) % round(100.0 / rate) == 0:
+            assert filtering.filter.offer(ahead, offered(now + ahead)[0], begin=now).ok
+
+    filtering.run(DURATION + 1.0, send)
+    assert off_the_path(filtering.positions) < 2e-3
+    np.testing.assert_allclose(filtering.positions[-1], BEGIN + MOVED, atol=1e-6)
+    assert keeps_limits(filtering)
+
+
+def test_the_arm_brakes_along_its_path_before_what_stands_there_and_goes_on_when_that_is_removed(
+    filtering: Filtering, least_clearance: Callable[..., float]
+) -> None:
+    place = halfway(filtering)
+    times = np.linspace(0.0, DURATION, 76)
+    sphere = Obstacles.of_spheres(place[None], np.array([RADIUS]))
+    filtering.filter.observe(sphere)
+    assert filtering.filter.offer(times, offered(times)[0]).ok
+    plan = filtering.run(DURATION)
+    assert filtering.at_rest
+    assert (plan.verdict.code, plan.mode) == (VerdictCode.NO_FEASIBLE_PATH, Mode.WAITING)
+    assert "panda" in plan.verdict.reason
+    # It has come a part of the path, and the control would have touched.
+    assert np.linalg.norm(filtering.positions[-1] - BEGIN) > 0.1 * np.linalg.norm(MOVED)
+    assert least_clearance(filtering.positions, lambda _: place, RADIUS) > 0.0
+    assert least_clearance(offered(times)[0], lambda _: place, RADIUS) < 0.0
+    filtering.filter.observe(Obstacles.none())
+    filtering.run(DURATION + 1.0)
+    np.testing.assert_allclose(filtering.positions[-1], BEGIN + MOVED, atol=1e-6)
+    assert off_the_path(filtering.positions) < 2e-3
+    assert keeps_limits(filtering)
+
+
+@pytest.mark.parametrize("chunks", [False, True], ids=["whole", "chunks"])
+@pytest.mark.parametrize("speed", [0.1, 0.4])
+def test_nothing_is_touched_that_crosses_the_path(
+    filtering: Filtering, least_clearance: Callable[..., float], speed: float, chunks: bool
+) -> None:
+    """The control: an arm that plays what is offered touches the sphere. Chunks are of one who does not look."""
+    place, velocity = halfway(filtering), speed * np.array([0.6, 0.0, 0.8])
+    times, ahead = np.linspace(0.0, DURATION, 76), np.arange(16) / 30.0
+
+    def centre(tick: int) -> np.ndarray:
+        return place + (0.01 * tick - 0.5 * DURATION) * velocity
+
+    def send(now: float) -> None:
+        obstacle = Obstacles.of_spheres(centre(round(100 * now))[None], np.array([RADIUS]), velocity[None], now)
+        filtering.filter.observe(obstacle)
+        if chunks and round(100 * now) % 10 == 0:
+            filtering.filter.offer(ahead, offered(now + ahead)[0], begin=now)
+
+    if not chunks:
+        assert filtering.filter.offer(times, offered(times)[0]).ok
+    filtering.run(2.0 * DURATION, send)
+    control, _ = offered(0.01 * np.arange(len(filtering.positions)))
+    assert least_clearance(control, centre, RADIUS) < 0.0
+    assert least_clearance(filtering.positions, centre, RADIUS) > 0.0
+    assert off_the_path(filtering.positions) < 2e-3
+    assert keeps_limits(filtering)
+
+
+@pytest.mark.parametrize("recover", ["detour", "wait"])
+def test_an_arm_that_may_passes_around_what_stays_and_comes_to_the_end_of_the_trajectory(
+    least_clearance: Callable[..., float], recover: Recovery
+) -> None:
+    filtering = Filtering(MotionFilter("panda", DeclaredScene.empty(), recover=recover))
+    filtering.filter.stand_at(BEGIN, 0.0)
+    place, times = halfway(filtering), np.linspace(0.0, DURATION, 76)
+    filtering.filter.observe(Obstacles.of_spheres(place[None], np.array([0.03])))
+    assert filtering.filter.offer(times, offered(times)[0]).ok
+    patience = filtering.filter.settings.patience
+    filtering.run(2.0 * DURATION + patience)
+    arrived = np.allclose(filtering.positions[-1], BEGIN + MOVED, atol=1e-6)
+    assert arrived == (recover == "detour")
+    assert filtering.at_rest
+    assert least_clearance(filtering.positions, lambda _: place, 0.03) > 0.0
+    assert keeps_limits(filtering)
+
+
+def test_silence_is_a_stop(filtering: Filtering) -> None:
+    """After one chunk that ends in motion the arm is at rest, on the path and no farther than it was sent."""
+    ahead = np.arange(16) / 30.0
+    begin = 0.25 * DURATION
+    filtering.filter.stand_at(offered(np.array([begin]))[0][0], 0.0)
+    assert filtering.filter.offer(ahead, offered(begin + ahead)[0]).ok
+    filtering.run(2.0)
+    assert filtering.at_rest
+    np.testing.assert_allclose(filtering.positions[-1], offered(begin + ahead[-1:])[0][0], atol=1e-6)
+
+
+def test_a_trajectory_that_begins_later_is_waited_for(filtering: Filtering) -> None:
+    times = np.linspace(0.0, DURATION, 76)
+    assert filtering.filter.offer(times, offered(times)[0], begin=1.0).ok
+    plan = filtering.run(0.9)
+    assert filtering.at_rest
+    assert "begins in" in plan.verdict.reason
+    filtering.run(DURATION + 0.5)
+    np.testing.assert_allclose(filtering.positions[-1], BEGIN + MOVED, atol=1e-6)
+
+
+def test_a_stop_that_is_requested_is_one_and_the_trajectory_is_forgotten_with_clear_goal(
+    filtering: Filtering,
+) -> None:
+    times = np.linspace(0.0, DURATION, 76)
+    assert filtering.filter.offer(times, offered(times)[0]).ok
+    filtering.run(0.5 * DURATION)
+    filtering.filter.clear_goal()
+    plan = filtering.run(1.0)
+    assert filtering.at_rest
+    assert (plan.verdict.code, plan.mode) == (VerdictCode.NO_GOAL, Mode.IDLE)
+    assert off_the_path(filtering.positions) < 2e-3
+
+
+def changed(points: np.ndarray, index: tuple[int, int], value: float) -> np.ndarray:
+    """Points with one number replaced."""
+    points = points.copy()
+    points[index] = value
+    return points
+
+
+TIMES = np.linspace(0.0, 0.5, 16)
+POSITIONS = offered(TIMES)[0]
+
+
+@pytest.mark.parametrize(
+    ("times", "positions", "begin", "words"),
+    [
+        (TIMES[:0], POSITIONS[:0], None, "it has no points"),
+        (TIMES, POSITIONS[:, :6], None, "positions has shape (16, 6): expected (m, 7)"),
+        (TIMES[:5], POSITIONS, None, "it has 5 times and 16 positions"),
+        (TIMES, changed(POSITIONS, (3, 1), np.nan), None, "point 3: the position of 'panda_joint2' is nan"),
+        (TIMES[::-1], POSITIONS, None, "point 1 comes at"),
+        (TIMES, POSITIONS, np.inf, "it begins at inf s"),
+        (TIMES, changed(POSITIONS, (4, 3), 0.5), None, "point 4 takes 'panda_joint4' to 0.500 rad, beyond its limit"),
+        (TIMES, changed(POSITIONS, (4, 0), 0.4), None, "'panda_joint1' would move at"),
+        (TIMES, POSITIONS + 0.4, None, "from where 'panda_joint"),
+        (TIMES, POSITIONS, -1.0, "it was over 0.50 s ago"),
+        (TIMES, POSITIONS, 1e9, "it begins in"),
+        ("words", POSITIONS, None, "times is 'words'"),
+    ],
+)
+def test_what_is_wrong_with_a_trajectory_is_named_and_the_one_before_goes_on(
+    filtering: Filtering, times: object, positions: object, begin: float | None, words: str
+) -> None:
+    whole = np.linspace(0.0, DURATION, 76)
+    assert filtering.filter.offer(whole, offered(whole)[0]).ok
+    refused = filtering.filter.offer(times, positions, begin=begin)
+    assert refused.code is VerdictCode.BAD_INPUT
+    assert words in refused.reason
+    filtering.run(DURATION + 0.3)
+    np.testing.assert_allclose(filtering.positions[-1], BEGIN + MOVED, atol=1e-6)
+
+
+def test_no_trajectory_whatever_is_in_it_breaks_a_limit_or_raises(filtering: Filtering) -> None:
+    """300 drawn chunks: noise, jumps, gaps, wrong orders, times in the past, numbers that are none."""
+    random = np.random.default_rng(0)
+    taken = 0
+
+    def send(now: float) -> None:
+        nonlocal taken
+        if random.random() > 0.3:
+            return
+        count = int(random.integers(0, 20))
+        times = np.cumsum(random.exponential(0.05, count))
+        here = filtering.filter.commanded_state(now)[0]
+        positions = here + np.cumsum(random.normal(scale=10.0 ** random.uniform(-4, -0.5), size=(count, 7)), axis=0)
+        kind = random.integers(6)
+        if kind == 0 and count:
+            positions[random.integers(count), random.integers(7)] = random.choice([np.nan, np.inf, -np.inf, 1e300])
+        if kind == 1:
+            random.shuffle(times)
+        begin = None if random.random() < 0.5 else now + random.normal(scale=0.3)
+        taken += filtering.filter.offer(times, positions, begin=begin).ok
+
+    filtering.run(10.0, send)
+    assert taken > 30
+    assert keeps_limits(filtering)
+    limits = filtering.filter.limits
+    assert np.all((filtering.positions >= limits.lower) & (filtering.positions <= limits.upper))

@@ -1,0 +1,96 @@
+"""The filter between somebody who sends trajectories and an arm: the real nodes, the arm in PyBullet."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from bench import Bench
+from builtin_interfaces.msg import Duration
+from diagnostic_msgs.msg import DiagnosticArray
+from sensor_msgs.msg import JointState
+from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
+
+from geodesic_motion_ros.nodes.filter_node import FilterNode
+from geodesic_motion_ros.nodes.twin_node import TwinNode
+from geodesic_motion_ros.robot.kinematics import Robot
+
+#: Where the arm stands, and where what is offered leads [rad]; how long it takes [s].
+BEGIN = np.array([0.0, -0.5, 0.0, -2.0, 0.0, 1.6, 0.7])
+END = BEGIN + np.array([0.6, 0.4, -0.3, 0.3, 0.2, 0.2, -0.3])
+SECONDS = 2.0
+#: For a busy machine.
+OPTIONS = {"robot": "panda", "scene": "none", "state_timeout": 5.0, "resume_timeout": 60.0, "latency": 0.1}
+
+
+@pytest.fixture
+def arm(bench: Bench) -> Bench:
+    """A bench with a twin and a filter, which knows of the arm."""
+    bench.listen(DiagnosticArray, "filter/status")
+    bench.listen(JointState, "joint_states")
+    bench.add(TwinNode, robot="panda", skill="", initial_joint_positions=BEGIN.tolist())
+    bench.add(FilterNode, **OPTIONS)
+    bench.wait(lambda: status(bench).get("code") == "NO_GOAL", "a filter that knows of the arm")
+    return bench
+
+
+def status(bench: Bench) -> dict[str, str]:
+    """The newest status of the filter, by key."""
+    heard = bench.heard["filter/status"]
+    return {pair.key: pair.value for pair in heard[-1].status[0].values} if heard else {}
+
+
+def measured(bench: Bench) -> np.ndarray:
+    """Where the arm is measured (7,) [rad]."""
+    message = bench.heard["joint_states"][-1]
+    return np.array([message.position[message.name.index(name)] for name in Robot.named("panda").joint_names])
+
+
+def send(bench: Bench, begin: np.ndarray, end: np.ndarray, points: int = 60) -> None:
+    """Offer a motion of least jerk between two configurations, to be played at once."""
+    share = np.linspace(0.0, 1.0, points)
+    passed = share**3 * (10.0 - 15.0 * share + 6.0 * share**2)
+    message = JointTrajectory(joint_names=list(Robot.named("panda").joint_names))
+    for time, one in zip(SECONDS * share, passed, strict=True):
+        at = Duration(sec=int(time), nanosec=round(1e9 * (time - int(time))))
+        message.points.append(
+            JointTrajectoryPoint(positions=(begin + one * (end - begin)).tolist(), time_from_start=at)
+        )
+    bench.publisher(JointTrajectory, "filter/joint_trajectory").publish(message)
+
+
+def is_at(bench: Bench, where: np.ndarray) -> bool:
+    return bool(np.max(np.abs(measured(bench) - where)) < 0.01) and float(status(bench)["speed"]) == 0.0
+
+
+def test_a_trajectory_is_played_and_one_that_is_wrong_is_named(arm: Bench) -> None:
+    send(arm, BEGIN, END)
+    arm.wait(lambda: is_at(arm, END) and status(arm)["code"] == "OK", "the end of the trajectory")
+    send(arm, END, np.full(7, np.nan))
+    refused = "'panda_joint1' is nan"
+    arm.wait(lambda: refused in status(arm).get("goal_reason", "") + status(arm)["reason"], "the refusal")
+    assert is_at(arm, END)
+
+
+def test_it_stops_before_what_stands_on_the_path_and_goes_on_when_that_is_removed(arm: Bench) -> None:
+    place, _ = Robot.named("panda").forward(0.5 * (BEGIN + END))
+    sent = arm.repeat(0.1, lambda: arm.send_spheres((place.tolist(), 0.05)))
+    arm.send_spheres((place.tolist(), 0.05))
+    send(arm, BEGIN, END)
+    arm.wait(lambda: status(arm)["code"] == "NO_FEASIBLE_PATH" and status(arm)["mode"] == "waiting", "a stop")
+    assert np.max(np.abs(measured(arm) - END)) > 0.1
+    sent.cancel()
+    arm.repeat(0.1, arm.delete_spheres)
+    arm.wait(lambda: is_at(arm, END), "the end of the trajectory")
+
+
+def test_it_follows_targets_that_stream(arm: Bench) -> None:
+    publisher = arm.publisher(JointState, "filter/joint_target")
+    names, passed = list(Robot.named("panda").joint_names), 0.0
+
+    def move_on() -> None:
+        nonlocal passed
+        passed = min(1.0, passed + 0.01)
+        publisher.publish(JointState(name=names, position=(BEGIN + passed * (END - BEGIN)).tolist()))
+
+    arm.repeat(0.02, move_on)
+    arm.wait(lambda: is_at(arm, END), "the last target")
