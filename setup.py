@@ -7,7 +7,8 @@ from setuptools import find_packages, setup
 NAME = "geodesic_motion_ros"
 #: The programs that `ros2 run` starts, and the folders where they begin.
 EXECUTABLES = {
-    **dict.fromkeys(("planner", "filter", "twin", "record", "franka"), "nodes"), "paper_planner": "paper", "demo": "demo",
+    **dict.fromkeys(("planner", "filter", "twin", "record", "franka"), "nodes"),
+    "paper_planner": "paper", "demo": "demo",
 }  # fmt: skip
 SHARE = Path("share") / NAME
 
