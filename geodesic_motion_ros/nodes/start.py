@@ -1,5 +1,5 @@
-"""The start of the programs `planner`, `twin`, `record` and `franka`, and how others of their kind do: light, so that
---help answers at once, and that Ctrl-C ends them cleanly from the first moment.
+"""The start of the programs `planner`, `filter`, `twin`, `record` and `franka`, and how others of their kind do: light,
+so that --help answers at once, and that Ctrl-C ends them cleanly from the first moment.
 
 Their libraries take seconds to load, and after an installation half a minute to compile. An interrupt meanwhile would
 surface as a traceback from deep within any of them; until the program's own handling is in place, it ends the process
@@ -22,6 +22,11 @@ from geodesic_motion_ros.utils.piped_output import until_reader_leaves
 def planner() -> int:
     """Run the planner; returns the exit code."""
     return start(f"{__package__}.planner_node", 0, lambda: _answer("planner"))
+
+
+def filter() -> int:
+    """Run the filter; returns the exit code."""
+    return start(f"{__package__}.filter_node", 0, lambda: _answer("filter"))
 
 
 def twin() -> int:
