@@ -113,7 +113,6 @@ class OfferSolver(MotionJudge):
                 blocked = begin
         return best
 
-
     def time_along(self, state: MotionState, curve: JointCurve) -> JointReference | Refusal:
         """Return the motion along a curve beside an offer, as fast as can be; or why there is none."""
         reference = timed_joint_reference(

@@ -92,24 +92,6 @@ class PathTimer:
         """Whether motions to a goal are slower than they could be."""
         return self._pace is not None
 
-    def time_path(
-        self,
-        query: ArmQuery,
-        state: MotionState,
-        path: LatentPath,
-        to_goal: bool,
-        longest: float,
-        paced: bool = True,
-    ) -> TimedPath | Refusal:
-        """Return the motion along a path, by its configurations (`joint_curve`); or why there is none.
-
-        paced : to a goal it is no faster than was shown.
-        """
-        curve = self.joint_curve(query, state.position, path, to_goal)
-        if isinstance(curve, Refusal):
-            return curve
-        return self.time_curve(state, curve, longest, to_goal and paced)
-
     def joint_curve(
         self, query: ArmQuery, start: np.ndarray, path: LatentPath, to_goal: bool
     ) -> JointCurve | Refusal:

@@ -14,7 +14,7 @@ import numpy as np
 
 from geodesic_motion_ros.contract.status import Refusal
 from geodesic_motion_ros.manifold.node_body import NodeBody
-from geodesic_motion_ros.motion.path_timer import PathTimer, TimedPath
+from geodesic_motion_ros.motion.path_timer import JointCurve, PathTimer, TimedPath
 from geodesic_motion_ros.motion.plan import MotionState
 from geodesic_motion_ros.obstacles.obstacles import Obstacles
 from geodesic_motion_ros.queries.query import ArmQuery
@@ -86,18 +86,20 @@ class Workings:
     ----------
     begun : what a search has evaluated that was out of time; None: none was.
     evasions : how many targets a search of an evasion has tried that was out of time, on the graph and beside it.
-    timed_from : the query and the state of motion of `motions`: the motion along each path that was timed.
+    timed_from : the query and the state of motion of `curves` and `motions`: the configurations of each path, and the
+        motion along it, that were worked out.
     """
 
     begun: BegunSearch | None = None
     evasions: dict[str, int] = field(default_factory=dict)
     timed_from: tuple[ArmQuery, MotionState] | None = None
+    curves: dict[tuple[bytes, bool], JointCurve | Refusal] = field(default_factory=dict)
     motions: dict[tuple[bytes, bool, float, bool], TimedPath | Refusal] = field(default_factory=dict)
 
     def copy(self) -> Workings:
         """Return the same, for one tick to go on with."""
         begun = None if self.begun is None else self.begun.copy()
-        return Workings(begun, dict(self.evasions), self.timed_from, dict(self.motions))
+        return Workings(begun, dict(self.evasions), self.timed_from, dict(self.curves), dict(self.motions))
 
     def take_begun(self, body: NodeBody, obstacles: Obstacles) -> BegunSearch | None:
         """Take the search of a body among obstacles that was out of time; None where there is none."""
@@ -114,14 +116,22 @@ class Workings:
         longest: float,
         paced: bool = True,
     ) -> TimedPath | Refusal:
-        """Time a path once for a query and a state of motion (`PathTimer.time_path`): an arm that waits finds the same
-        paths each time.
+        """Return the motion along a path, or why there is none, once for a query and a state of motion: an arm that
+        waits finds the same paths each time.
+
+        to_goal : the path leads to the goal of the query. longest : as of `PathTimer.time_curve`. paced : to a goal it
+        is no faster than was shown.
         """
         if not self._are_from(query, state) or len(self.motions) >= _MOST_REMEMBERED:
-            self.timed_from, self.motions = (query, state), {}
-        key = path.polyline.tobytes(), to_goal, longest, paced
+            self.timed_from, self.curves, self.motions = (query, state), {}, {}
+        name = path.polyline.tobytes(), to_goal
+        if name not in self.curves:
+            self.curves[name] = timer.joint_curve(query, state.position, path, to_goal)
+        curve, key = self.curves[name], (*name, longest, paced)
+        if isinstance(curve, Refusal):
+            return curve
         if key not in self.motions:
-            self.motions[key] = timer.time_path(query, state, path, to_goal, longest, paced)
+            self.motions[key] = timer.time_curve(state, curve, longest, to_goal and paced)
         return self.motions[key]
 
     def _are_from(self, query: ArmQuery, state: MotionState) -> bool:

@@ -45,14 +45,19 @@ def resting(bench: SkillBench) -> MotionState:
     return MotionState(0.0, bench.query.start, still, still, None)
 
 
+def timed_path(timer: PathTimer, bench: SkillBench, state: MotionState, path: LatentPath, to_goal=True, longest=math.inf):
+    """Return the motion along a path."""
+    return timer.time_curve(state, timer.joint_curve(bench.query, state.position, path, to_goal), longest, to_goal)
+
+
 def in_motion(timed: TimedPath, time: float) -> MotionState:
     return MotionState(time, *timed.reference.sample(time), timed.reference.latent_at(time))
 
 
 def test_a_motion_begins_in_the_state_that_it_takes_over_and_ends_at_rest_at_the_goal(bench, timer, path) -> None:
-    first = timer.time_path(bench.query, resting(bench), path, True, math.inf)
+    first = timed_path(timer, bench, resting(bench), path)
     state = in_motion(first, 0.1)
-    second = timer.time_path(bench.query, state, path, True, math.inf)
+    second = timed_path(timer, bench, state, path)
     for timed, begun in ((first, resting(bench)), (second, state)):
         reference = timed.reference
         assert reference.keeps(bench.planner.limits)
@@ -71,7 +76,7 @@ def test_a_motion_to_the_goal_is_as_fast_as_was_shown_and_one_that_evades_as_fas
     halves = {}
     for shown in (None, pace):
         for to_goal in (True, False):
-            timed = PathTimer(*parts, shown).time_path(bench.query, resting(bench), path, to_goal, math.inf)
+            timed = timed_path(PathTimer(*parts, shown), bench, resting(bench), path, to_goal)
             progress, _ = planner.graph.progress_map(timed.reference.latent)
             first = float(np.interp(0.5, np.maximum.accumulate(progress), timed.reference.times))
             halves[shown is not None, to_goal] = first, timed.reference.duration - first
@@ -95,11 +100,11 @@ def test_a_path_that_does_not_lead_to_the_goal_ends_where_it_ends(bench, timer, 
 
 
 def test_what_takes_longer_than_would_be_a_gain_is_not_timed_and_says_so(bench, timer, path) -> None:
-    whole = timer.time_path(bench.query, resting(bench), path, True, math.inf)
-    short = timer.time_path(bench.query, resting(bench), path, True, 0.2 * whole.reference.duration)
+    whole = timed_path(timer, bench, resting(bench), path)
+    short = timed_path(timer, bench, resting(bench), path, longest=0.2 * whole.reference.duration)
     assert isinstance(short, Refusal)
     assert "no gain" in short.reason
-    long = timer.time_path(bench.query, resting(bench), path, True, 2.0 * whole.reference.duration)
+    long = timed_path(timer, bench, resting(bench), path, longest=2.0 * whole.reference.duration)
     np.testing.assert_array_equal(long.reference.positions, whole.reference.positions)
 
 

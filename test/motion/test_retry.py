@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from geodesic_motion_ros.contract.status import Refusal, VerdictCode
+from geodesic_motion_ros.motion.path_timer import JointCurve
 from geodesic_motion_ros.motion.plan import MotionState
 from geodesic_motion_ros.motion.retry import PastSearch, Question, Workings, is_due
 from geodesic_motion_ros.obstacles.obstacles import Obstacles
@@ -62,12 +63,16 @@ def test_what_was_out_of_time_has_no_answer_yet() -> None:
 
 
 class CountingTimer:
-    """In the place of a PathTimer: how many paths were timed."""
+    """In the place of a PathTimer: how many paths were decoded, and timed."""
 
     def __init__(self) -> None:
-        self.timed_paths = 0
+        self.curves = self.timed_paths = 0
 
-    def time_path(self, *_: object) -> Refusal:
+    def joint_curve(self, *_: object) -> JointCurve:
+        self.curves += 1
+        return JointCurve(np.zeros((2, 7)), np.zeros((2, 3)), 0.0)
+
+    def time_curve(self, *_: object) -> Refusal:
         self.timed_paths += 1
         return Refusal(VerdictCode.NO_FEASIBLE_PATH, "timed")
 
@@ -87,6 +92,8 @@ def test_one_path_from_one_state_is_timed_once() -> None:
         (QUERY, replace(state, velocity=THERE), path, True), (OTHER, state, path, True),
     ]  # fmt: skip
     assert workings.time_path(timer, QUERY, state, path, True, math.inf, paced=False) is not first
+    # At another pace it is the same path: it is decoded once.
+    assert timer.curves == 1
     for number, other in enumerate(others):
         assert workings.time_path(timer, *other, math.inf) is not first
         assert timer.timed_paths == number + 3

@@ -153,13 +153,13 @@ def test_a_motion_is_as_fast_as_was_shown_but_where_what_moves_would_meet_it(rea
 
 def test_a_path_that_is_found_again_is_not_judged_again(stream, nominal, on_elbow, monkeypatch) -> None:
     """An obstacle that comes from afar is felt by the search all along. The control: one that blocks the path."""
-    judged, timed = [], PathTimer.time_path
+    judged, timed = [], PathTimer.time_curve
 
     def recorded(*arguments, **more):
         judged.append(stream.now)
         return timed(*arguments, **more)
 
-    monkeypatch.setattr(PathTimer, "time_path", recorded)
+    monkeypatch.setattr(PathTimer, "time_curve", recorded)
     (centre,), radius = on_elbow
     for number in range(80):
         away = np.array([0.0, 0.0, 1.2 - 0.012 * number])
@@ -173,13 +173,13 @@ def test_a_path_that_is_found_again_is_not_judged_again(stream, nominal, on_elbo
 
 def test_out_of_time_the_arm_stays_and_the_next_ticks_go_on_trying(stream, start, goal, monkeypatch) -> None:
     """The first attempt is refused. The control: it is not."""
-    planner, timed, judged = stream.planner, PathTimer.time_path, []
+    planner, timed, judged = stream.planner, PathTimer.time_curve, []
 
     def picky(*arguments, **more):
         judged.append(timed(*arguments, **more))
         return NOT_THIS if len(judged) == 1 else judged[-1]
 
-    monkeypatch.setattr(PathTimer, "time_path", picky)
+    monkeypatch.setattr(PathTimer, "time_curve", picky)
     missed, *later = (planner.tick(number * stream.period, Deadline(-np.inf)) for number in range(4))
     assert missed.verdict.code is VerdictCode.DEADLINE_MISSED
     assert "out of time after 1 of 2 attempts: not this" in missed.verdict.reason
@@ -207,7 +207,7 @@ def test_what_an_attempt_has_evaluated_serves_the_next_one_in_the_next_tick(stre
     far = np.array([[3.0, 0.0, 0.0]])
     planner.set_obstacles(far, np.array([0.05]))
     with monkeypatch.context() as first:
-        first.setattr(PathTimer, "time_path", refused)
+        first.setattr(PathTimer, "time_curve", refused)
         missed = planner.tick(0.0, Deadline(-np.inf)).verdict
     assert "out of time after 1 of 2 attempts: not this" in missed.reason
     planner.set_obstacles(far + 0.1 * other, np.array([0.05]))
