@@ -45,7 +45,9 @@ def resting(bench: SkillBench) -> MotionState:
     return MotionState(0.0, bench.query.start, still, still, None)
 
 
-def timed_path(timer: PathTimer, bench: SkillBench, state: MotionState, path: LatentPath, to_goal=True, longest=math.inf):
+def timed_path(
+    timer: PathTimer, bench: SkillBench, state: MotionState, path: LatentPath, to_goal=True, longest=math.inf
+):
     """Return the motion along a path."""
     return timer.time_curve(state, timer.joint_curve(bench.query, state.position, path, to_goal), longest, to_goal)
 
