@@ -37,6 +37,7 @@ from geodesic_motion_ros.planning.streaming_planner import PreparedArm, Streamin
 from geodesic_motion_ros.robot.collision_model import CollisionModel
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.trajectory.trajectory import JointReference
+from geodesic_motion_ros.utils.errors import ParameterError
 
 #: What an arm does that was stopped by what stands on its path.
 Recovery = Literal["wait", "detour"]
@@ -60,6 +61,8 @@ class MotionFilter(StreamingPlanner[FilteredArm]):
     >>> plan = motion_filter.tick(now=0.0)  # plan.reference is played from plan.begin on; plan.verdict: why it brakes
     """
 
+    noun = "trajectory"
+
     def __init__(
         self,
         robot: str,
@@ -74,8 +77,16 @@ class MotionFilter(StreamingPlanner[FilteredArm]):
         settings : of the planner; None: its defaults, and all of the speed and acceleration that the arm has.
         collision : the spheres that obstacles are kept away from; None: those of the arm. recover : what an arm does
         that has come to rest before what stands on its path: it waits for that to leave, or after `patience` passes
-        around it (a scene must be known). detours : what searches how; None: one whose results take `DETOUR_DELAY`.
+        around it. detours : what searches how; None: one whose results take `DETOUR_DELAY`.
+
+        Raises
+        ------
+        ParameterError : an arm is to pass around, and no scene is known.
         """
+        if recover == "detour" and scene is None:
+            raise ParameterError(
+                "recover = detour: declare what stands around the arm as its scene, an empty one where nothing does"
+            )
         named = Robot.named(robot)
         if settings is None:
             settings = PlannerSettings(speed_scale=named.largest_speed_scale, acceleration_scale=1.0)
@@ -84,7 +95,7 @@ class MotionFilter(StreamingPlanner[FilteredArm]):
         # The newest offer; and the one that is played, as long as the newest has not begun. None: there is none.
         self._newest: Offer | None = None
         self._active: Offer | None = None
-        self._recovers = recover == "detour" and self.may_detour
+        self._recovers = recover == "detour"
         self._worker = detours or Worker(DETOUR_DELAY)
         # Since when the arm has had no free motion [s], and the detour that was searched last.
         self._blocked_since = math.inf
@@ -118,9 +129,9 @@ class MotionFilter(StreamingPlanner[FilteredArm]):
             return offer
         objection = self._joining_objection(offer)
         if objection:
-            return Refusal(VerdictCode.BAD_INPUT, f"trajectory refused: {objection}")
+            return Refusal(VerdictCode.BAD_INPUT, objection)
         self._newest = offer
-        return Verdict(reason=f"a trajectory of {offer.duration:.2f} s")
+        return Verdict(reason=f"a trajectory of {offer.duration:.2f} s" if offer.duration else "a target")
 
     def _joining_objection(self, offer: Offer) -> str:
         """Why an offer cannot be joined now; "" where it can."""
@@ -128,9 +139,11 @@ class MotionFilter(StreamingPlanner[FilteredArm]):
         if offer.begin is not None:
             if offer.begin + offer.duration <= at:
                 late = self._ticked - offer.begin - offer.duration
-                return f"it was over {late:.2f} s ago" if late > 0.0 else "it is over before the arm could join it"
+                over = f"was over {late:.2f} s ago" if late > 0.0 else "is over before the arm could join it"
+                return f"the trajectory {over}"
             if offer.begin > self._ticked + LATEST_BEGIN:
-                return f"it begins in {offer.begin - self._ticked:.0f} s, at most {LATEST_BEGIN:g} s may be"
+                wait = offer.begin - self._ticked
+                return f"the trajectory begins in {wait:.0f} s, at most {LATEST_BEGIN:g} s may be"
         state = self.commanded_state(at)
         if state is None:
             return "where the arm stands is not known yet"
@@ -167,7 +180,7 @@ class MotionFilter(StreamingPlanner[FilteredArm]):
             wait = self._newest.begin - situation.state.time
             return situation.begin_stop(Refusal(VerdictCode.NO_GOAL, f"the trajectory begins in {wait:.1f} s"))
         if offer is None:
-            return situation.begin_stop(Refusal(VerdictCode.NO_GOAL, "no trajectory has been offered"))
+            return situation.begin_stop(Refusal(VerdictCode.NO_GOAL, "no trajectory has been given"))
         if situation.exceeds_limits and (slowed := situation.slowed()) is not None:
             return slowed
         if followed is None or followed.query is not offer:
@@ -176,10 +189,11 @@ class MotionFilter(StreamingPlanner[FilteredArm]):
         clearance = situation.remaining_clearance() if followed.purpose is not Purpose.STOP else None
         assert situation.state.latent is not None
         progress = float(situation.state.latent[0])
-        if clearance is not None and followed.purpose is Purpose.GOAL:
-            return situation.go_on(followed.verdict.with_figures(clearance=clearance))
+        verdict = followed.verdict if clearance is None else followed.verdict.with_figures(clearance=clearance)
         if situation.at_rest and progress >= offer.duration - 1e-6:
-            return situation.go_on(Verdict(reason="the trajectory has been played"))
+            return situation.go_on(Verdict(reason="the trajectory has been played", figures=verdict.figures))
+        if clearance is not None and followed.purpose is Purpose.GOAL:
+            return situation.go_on(verdict)
         around = self._around(situation, offer, progress)
         if around is not None:
             return around

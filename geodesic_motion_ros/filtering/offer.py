@@ -117,10 +117,10 @@ def checked_offer(robot: Robot, limits: JointLimits, request: OfferRequest) -> O
 
 def _shape_objection(at: np.ndarray, where: np.ndarray, speeds: np.ndarray | None) -> str:
     if not len(at):
-        return "it has no points"
+        return "the trajectory has no points"
     for name, rows in (("positions", where), ("velocities", speeds)):
         if rows is not None and len(rows) != len(at):
-            return f"it has {len(at)} times and {len(rows)} {name}"
+            return f"the trajectory has {len(at)} times and {len(rows)} {name}"
     return ""
 
 
@@ -128,7 +128,7 @@ def _number_objection(
     robot: Robot, at: np.ndarray, where: np.ndarray, speeds: np.ndarray | None, begin: float | None
 ) -> str:
     if begin is not None and not np.isfinite(begin):
-        return f"it begins at {begin} s"
+        return f"the trajectory begins at {begin} s"
     for name, values in (("position", where), ("velocity", speeds)):
         wrong = np.empty((0, 2), dtype=int) if values is None else np.argwhere(~np.isfinite(values))
         for point, joint in wrong[:1]:
@@ -169,8 +169,9 @@ def joining_objection(robot: Robot, offer: Offer, position: np.ndarray, progress
     if apart[joint] <= LARGEST_JUMP:
         return ""
     name = robot.joint_names[joint]
-    return f"it begins {apart[joint]:.2f} rad from where '{name}' is commanded, at most {LARGEST_JUMP:g} may be: a jump"
+    what, far = "the trajectory begins" if offer.duration else "the target is", f"{apart[joint]:.2f} rad"
+    return f"{what} {far} from where '{name}' is commanded, at most {LARGEST_JUMP:g} may be: a jump"
 
 
 def _refused(reason: str) -> Refusal:
-    return Refusal(VerdictCode.BAD_INPUT, f"trajectory refused: {reason}")
+    return Refusal(VerdictCode.BAD_INPUT, reason)

@@ -17,9 +17,10 @@ NO_TOPIC = "none"
 class Arming:
     """Whether a planner is armed; any thread may ask, arm and disarm."""
 
-    def __init__(self, armed: bool, obstacle_topics: list[str]) -> None:
+    def __init__(self, armed: bool, obstacle_topics: list[str], noun: str = "goal") -> None:
         """armed : from the start, and then always: it is not to be armed by hand. obstacle_topics : the parameter
-        `required_obstacle_topics`: topics, "" for none that were named, or the word NO_TOPIC.
+        `required_obstacle_topics`: topics, "" for none that were named, or the word NO_TOPIC. noun : what a person
+        calls that which sets the arm moving.
         """
         named = [topic for topic in obstacle_topics if topic]
         if NO_TOPIC in named and len(named) > 1:
@@ -28,7 +29,7 @@ class Arming:
             )
         self.required = () if NO_TOPIC in named else tuple(named)
         self._by_hand, self._is_said = not armed, bool(named)
-        self._lock = threading.Lock()
+        self._lock, self._noun = threading.Lock(), noun
         self._unarmed = "" if armed else "not armed: nothing is commanded; call ~/arm with data: true"
 
     @property
@@ -51,7 +52,7 @@ class Arming:
             )
         with self._lock:
             was, self._unarmed = self._unarmed, ""
-        return "armed: the arm moves with the next goal" if was else "armed already"
+        return f"armed: the arm moves with the next {self._noun}" if was else "armed already"
 
     def disarm(self, why: str, by_itself: bool = True) -> bool:
         """Have the planner command nothing, for a reason; returns whether it was armed.
@@ -63,5 +64,5 @@ class Arming:
         with self._lock:
             was_armed = not self._unarmed
             if was_armed:
-                self._unarmed = f"disarmed: {why}; call ~/arm with data: true, and send the goal again"
+                self._unarmed = f"disarmed: {why}; call ~/arm with data: true, and send the {self._noun} again"
         return was_armed

@@ -20,9 +20,16 @@ class ArrivalWatch:
     It rests at the end of its path once its tool has stayed near one place for REST_TIME.
     """
 
-    def __init__(self, forward: Callable[[np.ndarray], PoseArrays], tool_poses: Callable[[Any], PoseArrays]) -> None:
-        """forward : the tool pose of a configuration (eta,) [rad]; tool_poses : those along a reference."""
-        self._forward, self._tool_poses = forward, tool_poses
+    def __init__(
+        self,
+        forward: Callable[[np.ndarray], PoseArrays],
+        tool_poses: Callable[[Any], PoseArrays],
+        end: str = "the goal",
+    ) -> None:
+        """forward : the tool pose of a configuration (eta,) [rad]; tool_poses : those along a reference. end : what a
+        person calls the place where it rests then.
+        """
+        self._forward, self._tool_poses, self._end = forward, tool_poses, end
         self._goal_number, self._accepted = 0, 0.0
         self._arrived = True
         self._resting: tuple[PoseArrays, float] | None = None  # near which place, and since when [s]
@@ -51,4 +58,4 @@ class ArrivalWatch:
         positions, quaternions = self._tool_poses(output.reference)
         off = 1e3 * float(np.linalg.norm(tool[0] - positions[-1]))
         turned = math.degrees(angle_between(tool[1], quaternions[-1]))
-        return f"at the goal after {since - self._accepted:.1f} s, {off:.1f} mm and {turned:.1f} deg from it"
+        return f"at {self._end} after {since - self._accepted:.1f} s, {off:.1f} mm and {turned:.1f} deg from it"

@@ -8,6 +8,7 @@ from sensor_msgs.msg import JointState
 from trajectory_msgs.msg import JointTrajectory
 
 from geodesic_motion_ros.contract.status import Refusal, VerdictCode
+from geodesic_motion_ros.filtering.motion_filter import MotionFilter
 from geodesic_motion_ros.filtering.offer import OfferRequest
 from geodesic_motion_ros.nodes.messages import (
     MessageRefused,
@@ -25,6 +26,8 @@ _OFFERS = QoSProfile(depth=10)
 
 class FilterInputs(PlannerInputs):
     """The subscriptions of a filter: what is offered takes the place of goals."""
+
+    noun = MotionFilter.noun
 
     def _subscribe_goals(self) -> None:
         self._subscribe(JointTrajectory, TRAJECTORY, self._on_trajectory, _OFFERS)

@@ -20,7 +20,7 @@ from geodesic_motion_ros.geometry.task_frame import TaskFrame
 from geodesic_motion_ros.kernels.loading import load_filter_kernels
 from geodesic_motion_ros.motion.worker import Worker
 from geodesic_motion_ros.nodes.cycle import CycleInputs, CycleOutput, PoseArrays
-from geodesic_motion_ros.nodes.filter_inputs import TRAJECTORY, FilterInputs
+from geodesic_motion_ros.nodes.filter_inputs import TARGET, TRAJECTORY, FilterInputs
 from geodesic_motion_ros.nodes.parameter_tables import FILTER
 from geodesic_motion_ros.nodes.parameters import NodeParameters, Value
 from geodesic_motion_ros.nodes.planner_cycle import PlannerCycle
@@ -69,7 +69,8 @@ class FilterNode(LoopingNode):
         )  # fmt: skip
         self.cycle.paused = why_paused(values.values)
         self.cycle.state_topic = self.resolve_topic_name("joint_states")
-        subject = Subject("a filter", name, "a trajectory", TRAJECTORY, FilterInputs)
+        awaited = {TRAJECTORY: "a trajectory", TARGET: "a target"}
+        subject = Subject("a filter of the motions", name, awaited, FilterInputs, "the end of the trajectory")
         self.face = PlannerFace(
             self, values, subject, self.filter.robot, "joint_trajectory", "arm", self._tick, self._died,
             self._tool_poses, None, lambda: self.loop.hurry(),
@@ -79,7 +80,7 @@ class FilterNode(LoopingNode):
         self.face.draw_path(self._draw_markers)
 
     def _introduction(self) -> str:
-        return self.face.introduction("the whole arm")
+        return self.face.introduction(self._options["robot"])
 
     def start(self) -> None:
         """Begin to filter and command."""

@@ -12,7 +12,7 @@ from geodesic_motion_ros.nodes.input_faults import Halt
 from geodesic_motion_ros.nodes.preparation import Preparation, Prepared
 
 #: What is reported of a goal while it is being prepared.
-PREPARING = "the newest goal is being prepared"
+PREPARING = "the newest one is being prepared"
 
 
 class NewestGoal(Generic[Prepared]):
@@ -28,6 +28,7 @@ class NewestGoal(Generic[Prepared]):
     ----------
     take : has a prepared goal planned to, or says why it is refused. clear : has the planner forget its goal.
     background : prepares goals while cycles go on; None: a cycle does it, and takes longer.
+    noun : what a person calls it.
     """
 
     def __init__(
@@ -35,11 +36,12 @@ class NewestGoal(Generic[Prepared]):
         take: Callable[[Prepared | Refusal], Verdict],
         clear: Callable[[], None],
         background: Executor | None,
+        noun: str = "goal",
     ) -> None:
-        self._take, self._clear = take, clear
+        self._take, self._clear, self._noun = take, clear, noun
         self._preparation: Preparation[Prepared | Refusal] = Preparation(background)
         self.number = 0
-        self.verdict: Verdict = Refusal(VerdictCode.NO_GOAL, "no goal has been given")
+        self.verdict: Verdict = Refusal(VerdictCode.NO_GOAL, f"no {noun} has been given")
         self.is_set = False
         self._is_refused = False  # whether the message of the newest one was
 
@@ -93,6 +95,6 @@ class NewestGoal(Generic[Prepared]):
         """Forget the goal: where something unexpected has happened, an arm must not set out again by itself."""
         if self.is_set or not self.is_prepared:
             self.is_set = False
-            self.verdict = Refusal(VerdictCode.NO_GOAL, f"goal dropped: {why}; send the goal again")
+            self.verdict = Refusal(VerdictCode.NO_GOAL, f"{self._noun} dropped: {why}; send the {self._noun} again")
             self._preparation.forget()
             self._clear()

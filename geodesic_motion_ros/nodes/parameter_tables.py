@@ -623,6 +623,33 @@ _OF_FILTER: dict[str, dict[str, Any]] = {
         "description": "With recover: detour the tool may leave what is offered by so much, where obstacles block it "
         "and a scene is declared"
     },
+    "armed": {
+        "description": "Whether the arm is commanded from the start. false, for real arms: before `~/arm` the filter "
+        "plans and shows, and commands nothing; what drops the trajectory disarms it again, and so does "
+        "`~/clear_obstacles`"
+    },
+    "horizon": {
+        "description": "What is sent leads so far ahead, then to rest, and is sent again in time: without the filter "
+        "the arm stops by itself; not less than prediction"
+    },
+    "obstacle_margin": {
+        "description": "What moves is kept off by a share of this clearance, where the arm is not nearer already; for "
+        "a guaranteed distance set obstacle_position_error"
+    },
+    "resume_timeout": {
+        "description": "When joint states return after a longer silence than this the trajectory is dropped; before, "
+        "the motion resumes"
+    },
+    "tracking_tolerance_joint": {
+        "description": "An arm with a joint further than this from where joint_trajectory sent it is lost: what is "
+        "played is dropped, and the arm must come to rest"
+    },
+    "speed": {"description": "Largest speed of the tool; -1.0, 0.0: not limited"},
+    "angular_speed": {"description": "Largest angular speed of the tool; likewise"},
+    "acceleration": {
+        "description": "Largest acceleration of the tool, along and across its path together; likewise; its angular "
+        "acceleration is kept in proportion, acceleration * angular_speed / speed"
+    },
     "speed_scale": {"default": 1.0},
     "acceleration_scale": {"default": 1.0},
 }

@@ -116,7 +116,7 @@ class PlannerCycle:
         self._clock, self._time = clock, CycleClock()
         self._began = 0.0
         self._arm = ArmWatch()
-        self._goal: NewestGoal[Any] = NewestGoal(self._take_prepared, planner.clear_goal, background)
+        self._goal: NewestGoal[Any] = NewestGoal(self._take_prepared, planner.clear_goal, background, planner.noun)
         # Whether goals are to be prepared later, with what the hand is about to hold; and which held objects do not
         # count yet, for which the arm stands; "": none.
         self._goals_wait, self._uncounted = False, ""
@@ -250,7 +250,7 @@ class PlannerCycle:
         """Drop the goal as the planner is armed or disarmed; while it is not, once the arm rests, only show."""
         was_armed, self._armed = self._armed, not inputs.unarmed
         if was_armed != self._armed:
-            self._goal.drop(inputs.unarmed.partition(";")[0] or "the planner was armed")
+            self._goal.drop(inputs.unarmed.partition(";")[0] or "~/arm was called with true")
         if not self._armed and not self._shows:
             commanded = self.planner.commanded_state(inputs.now) if self._stood else None
             self._shows = commanded is None or self._sent_to_stand(inputs) is not None

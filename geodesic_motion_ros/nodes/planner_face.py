@@ -40,20 +40,20 @@ class Subject:
     Attributes
     ----------
     name : "skill 'panda_pouring'", or what there is in its place. robot : the name of the arm, or its folder.
-    goal, goals : what it waits for, and on which topic. inputs : what hears it.
+    awaited : on which topic it waits for what. inputs : what hears it. end : where the arm then comes to rest.
     """
 
     name: str
     robot: str
-    goal: str
-    goals: str
+    awaited: Mapping[str, str]
     inputs: type[PlannerInputs] = PlannerInputs
+    end: str = "the goal"
 
     @classmethod
     def of_skill(cls, skill: Skill, robot: Robot) -> Subject:
         """Return a skill, whose goals are poses or configurations."""
-        goals = "goal_pose" if robot.takes_poses else "goal_joints"
-        return cls(f"skill '{skill.name}'", skill.robot, "a goal", goals)
+        topic = "goal_pose" if robot.takes_poses else "goal_joints"
+        return cls(f"skill '{skill.name}'", skill.robot, {topic: "a goal"})
 
 
 class PlannerFace:
@@ -94,14 +94,15 @@ class PlannerFace:
         armed = options.values.get("armed", True)
         self.inputs = subject.inputs(node, options, robot, subject.robot, obstacles_changed, armed)
         self.outputs = PlannerOutputs(
-            node, options["base_frame"], subject.robot, command_topic, guarded, robot.joint_names, self.inputs.time
-        )
+            node, options["base_frame"], subject.robot, command_topic, guarded, robot.joint_names, self.inputs.time,
+            subject.inputs.noun,
+        )  # fmt: skip
         self._log = node.get_logger()
         self._said: dict[str, float] = {}
         self._remarked: set[str] = set()
         self._newest_plan = ""
         self._held: tuple[HeldObject, ...] = ()
-        self._arrival = ArrivalWatch(robot.forward, tool_poses)
+        self._arrival = ArrivalWatch(robot.forward, tool_poses, subject.end)
         self._newest: tuple[CycleInputs, CycleOutput] | None = None
         self._period = 1.0 / options["rate"]
         self.loop = SteadyLoop(tick, options["rate"], died, name="planner")
@@ -119,16 +120,15 @@ class PlannerFace:
             self._answering += (BackgroundService(node, SetBool, "~/arm", self._on_arm, at_once=True),)
         if plan is not None:
             self._answering += (BackgroundService(node, GetPlan, "plan", self._on_plan),)
-        self._awaited = tuple(node.resolve_topic_name(name) for name in ("joint_states", subject.goals))
         self._subject = subject
 
     def introduction(self, moved: str) -> str:
         """Return what the node is ready for, what it publishes and what it waits for. moved : for a person."""
-        states, goals = self._awaited
-        unarmed = self.inputs.arming.unarmed
+        resolved, unarmed = self._node.resolve_topic_name, self.inputs.arming.unarmed
+        awaited = " or ".join(f"{what} on {resolved(topic)}" for topic, what in self._subject.awaited.items())
         return (
             f"ready: {self._subject.name} of {moved}, commands on {self.outputs.command_topic}; "
-            f"waits for {states}, then for {self._subject.goal} on {goals}" + (f"; {unarmed}" if unarmed else "")
+            f"waits for {resolved('joint_states')}, then for {awaited}" + (f"; {unarmed}" if unarmed else "")
         )
 
     def start(self) -> None:
@@ -194,7 +194,7 @@ class PlannerFace:
             ended = "" if previous is None or not output.verdict.ok else f"no longer {previous[1].verdict.code.name}: "
             self._say(output.verdict, ended)
         if previous is not None and previous[1].goal_verdict is not output.goal_verdict:
-            self._say_goal(output)
+            self._say_goal(output, previous[1].goal_verdict)
         if output.disarms:
             self._disarm(output.disarms)
         if output.news:
@@ -208,11 +208,11 @@ class PlannerFace:
         if self.outputs.is_path_watched:
             self.outputs.publish_path(None if output.reference is None else self._tool_poses(output.reference))
 
-    def _say_goal(self, output: CycleOutput) -> None:
+    def _say_goal(self, output: CycleOutput, before: Verdict) -> None:
         if output.is_goal_refused:
-            self._say(output.goal_verdict, "newest goal refused: ")
-        elif output.goal_verdict.ok:
-            self._say(output.goal_verdict, "newest goal accepted: ")
+            self._say(output.goal_verdict, f"newest {self.inputs.noun} refused: ")
+        elif output.goal_verdict.ok and not before.ok:  # of a stream of them the first is enough
+            self._say(output.goal_verdict, f"newest {self.inputs.noun} accepted: ")
 
     def _say(self, verdict: Verdict, about: str = "") -> None:
         # The status has every change; the log has each kind of change at most once a second.

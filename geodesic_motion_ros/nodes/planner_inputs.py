@@ -56,6 +56,7 @@ from geodesic_motion_ros.nodes.refusals import RefusalLog
 from geodesic_motion_ros.nodes.seen_cloud import CloudSettings, SeenCloud, see_cloud
 from geodesic_motion_ros.obstacles.tracker import Key, ObstacleTracker
 from geodesic_motion_ros.planning.mission import GoalRequest
+from geodesic_motion_ros.planning.streaming_planner import StreamingPlanner
 from geodesic_motion_ros.robot.collision_model import CollisionModel
 from geodesic_motion_ros.robot.held_objects import HeldObject
 from geodesic_motion_ros.robot.kinematics import Robot
@@ -90,7 +91,10 @@ class PlannerInputs:
     arm : what the joint states say. drive : what the arm's drive says that it commands.
     tracking_error : how far the arm may be from where it is taken to be [m]; declared : (b, 16) solids of the declared
         scene, which are taken out of clouds; who knows them sets them.
+    noun : what a person calls that which the node is asked for.
     """
+
+    noun = StreamingPlanner.noun
 
     def __init__(
         self,
@@ -115,7 +119,7 @@ class PlannerInputs:
         self.refusals = RefusalLog(node.get_logger().warning)
         self.time = NodeTime(node.get_clock())
         self._lock = threading.Lock()
-        self.arming = Arming(armed, parameters["required_obstacle_topics"])
+        self.arming = Arming(armed, parameters["required_obstacle_topics"], self.noun)
         self._tracker = ObstacleTracker(self.arming.required)
         self._described = DescribedArm(robot, skill_robot, node.resolve_topic_name("robot_description"))
         self.arm = ArmState(robot, self.refusals, parameters["joint_prefix"])

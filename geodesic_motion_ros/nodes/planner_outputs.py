@@ -88,12 +88,14 @@ class PlannerOutputs:
         guarded: str,
         joint_names: Sequence[str],
         time: NodeTime,
+        noun: str = "goal",
     ) -> None:
         """command_topic : "target_pose" or "joint_trajectory"; nothing is published on the other.
 
         guarded : what is kept away from obstacles, as the status says it. time : that trajectories are timed by.
+        noun : what a person calls that which the node is asked for.
         """
-        self._guarded, self._joint_names, self._time = guarded, tuple(joint_names), time
+        self._guarded, self._joint_names, self._time, self._noun = guarded, tuple(joint_names), time, noun
         self._node, self._frame, self._hardware = node, frame, hardware
         kind = PoseStamped if command_topic == "target_pose" else JointTrajectory
         self._commands = node.create_publisher(kind, command_topic, QoSProfile(depth=1))
@@ -173,7 +175,7 @@ class PlannerOutputs:
         verdict, path, newest = output.verdict, output.verdict.figures, refusals.newest(within=1.0)
         level, message = _LEVELS.get(verdict.code, DiagnosticStatus.ERROR), verdict.sentence
         if output.is_goal_refused and output.goal_verdict.sentence != message:
-            message += f"; newest goal refused: {output.goal_verdict.sentence}"
+            message += f"; newest {self._noun} refused: {output.goal_verdict.sentence}"
         if newest or output.is_goal_refused:
             level = max(level, DiagnosticStatus.WARN)
         values = {

@@ -76,9 +76,11 @@ class StreamingPlanner(ABC, Generic[Arm]):
     One thread calls `tick`, `stop` and `stand_at`. Obstacles are replaced as a whole. Poses and obstacles are of the
     base frame, all times are of one clock, the caller's.
 
-    robot : the arm. scene : what always stands around it. may_detour : whether that is known.
+    robot : the arm. scene : what always stands around it. may_detour : whether that is known. noun : what a person
+    calls that which it is asked for.
     """
 
+    noun = "goal"
     robot: Robot
     scene: DeclaredScene
     may_detour: bool

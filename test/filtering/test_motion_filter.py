@@ -12,6 +12,7 @@ from geodesic_motion_ros.contract.mode import Mode
 from geodesic_motion_ros.contract.status import VerdictCode
 from geodesic_motion_ros.filtering.motion_filter import MotionFilter, Recovery
 from geodesic_motion_ros.obstacles.obstacles import Obstacles
+from geodesic_motion_ros.utils.errors import ParameterError
 from test.filtering.conftest import BEGIN, DURATION, MOVED, Filtering, offered
 
 #: A sphere halfway along the motion, and how large it is [m].
@@ -188,17 +189,17 @@ POSITIONS = offered(TIMES)[0]
 @pytest.mark.parametrize(
     ("times", "positions", "begin", "words"),
     [
-        (TIMES[:0], POSITIONS[:0], None, "it has no points"),
+        (TIMES[:0], POSITIONS[:0], None, "the trajectory has no points"),
         (TIMES, POSITIONS[:, :6], None, "positions has shape (16, 6): expected (m, 7)"),
-        (TIMES[:5], POSITIONS, None, "it has 5 times and 16 positions"),
+        (TIMES[:5], POSITIONS, None, "the trajectory has 5 times and 16 positions"),
         (TIMES, changed(POSITIONS, (3, 1), np.nan), None, "point 3: the position of 'panda_joint2' is nan"),
         (TIMES[::-1], POSITIONS, None, "point 1 comes at"),
-        (TIMES, POSITIONS, np.inf, "it begins at inf s"),
+        (TIMES, POSITIONS, np.inf, "the trajectory begins at inf s"),
         (TIMES, changed(POSITIONS, (4, 3), 0.5), None, "point 4 takes 'panda_joint4' to 0.500 rad, beyond its limit"),
         (TIMES, changed(POSITIONS, (4, 0), 0.4), None, "'panda_joint1' would move at"),
         (TIMES, POSITIONS + 0.4, None, "from where 'panda_joint"),
-        (TIMES, POSITIONS, -1.0, "it was over 0.50 s ago"),
-        (TIMES, POSITIONS, 1e9, "it begins in"),
+        (TIMES, POSITIONS, -1.0, "the trajectory was over 0.50 s ago"),
+        (TIMES, POSITIONS, 1e9, "the trajectory begins in"),
         ("words", POSITIONS, None, "times is 'words'"),
     ],
 )
@@ -240,3 +241,8 @@ def test_no_trajectory_whatever_is_in_it_breaks_a_limit_or_raises(filtering: Fil
     assert keeps_limits(filtering)
     limits = filtering.filter.limits
     assert np.all((filtering.positions >= limits.lower) & (filtering.positions <= limits.upper))
+
+
+def test_a_detour_needs_to_know_what_stands_around_the_arm() -> None:
+    with pytest.raises(ParameterError, match="declare what stands around the arm"):
+        MotionFilter("panda", recover="detour")

@@ -60,7 +60,7 @@ def test_unarmed_it_shows_the_path_and_armed_it_moves_with_the_next_goal(unarmed
     assert not unarmed.heard["joint_trajectory"]
     answer = arm(unarmed)
     assert (answer.success, answer.message) == (True, "armed: the arm moves with the next goal")
-    unarmed.wait_for_code("NO_GOAL", "the planner was armed; send the goal again")
+    unarmed.wait_for_code("NO_GOAL", "~/arm was called with true; send the goal again")
     unarmed.live(0.5)
     assert not unarmed.heard["joint_trajectory"]
     unarmed.send_goal(skill.goal_pose)
@@ -100,7 +100,7 @@ def test_in_motion_it_is_disarmed_and_moves_no_more_before_it_is_armed_anew(
     unarmed.live(0.5)
     assert len(unarmed.heard["joint_trajectory"]) == sent
     arm(unarmed)
-    unarmed.wait_for_code("NO_GOAL", "the planner was armed")
+    unarmed.wait_for_code("NO_GOAL", "~/arm was called with true")
     unarmed.send_goal(skill.goal_pose)
     unarmed.wait(lambda: np.linalg.norm(place(unarmed) - skill.goal_pose[:3]) < 0.003, "the arm at the goal")
 

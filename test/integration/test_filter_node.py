@@ -63,12 +63,64 @@ def is_at(bench: Bench, where: np.ndarray) -> bool:
 
 
 def test_a_trajectory_is_played_and_one_that_is_wrong_is_named(arm: Bench) -> None:
+    assert status(arm)["reason"] == "no trajectory has been given"
+    arm.listen_to_log()
     send(arm, BEGIN, END)
     arm.wait(lambda: is_at(arm, END) and status(arm)["code"] == "OK", "the end of the trajectory")
+    arm.wait(lambda: arm.logged("at the end of the trajectory after"), "the arrival in the log")
     send(arm, END, np.full(7, np.nan))
     refused = "'panda_joint1' is nan"
     arm.wait(lambda: refused in status(arm).get("goal_reason", "") + status(arm)["reason"], "the refusal")
     assert is_at(arm, END)
+
+
+def refused_messages() -> list[tuple[str, type, object, str]]:
+    """Topic, kind and content of messages that cannot be read, and words of the refusal."""
+    names, count = list(Robot.named("panda").joint_names), 7
+    place = BEGIN.tolist()
+
+    def chunk(joints: list[str], *positions: list[float]) -> JointTrajectory:
+        return JointTrajectory(joint_names=joints, points=[JointTrajectoryPoint(positions=one) for one in positions])
+
+    with_efforts = chunk(names, place)
+    with_efforts.points[0].effort = count * [0.0]
+    of_trajectories = [
+        (chunk(names), "has no points"),
+        (chunk([], place), "lacks joints panda_joint1"),
+        (chunk([*names[:-1], "nose"], place), "lacks joints panda_joint7"),
+        (chunk([*names, "nose"], [*place, 0.0]), "has unknown joints nose"),
+        (chunk([*names, names[0]], [*place, 0.0]), "names a joint twice"),
+        (chunk(names, place, place[:3]), "has 3 positions at point 1"),
+        (chunk(names, []), "has no positions"),
+        (with_efforts, "has efforts"),
+    ]
+    of_targets = [
+        (JointState(name=names[:3], position=place[:3]), "lacks panda_joint4"),
+        (JointState(name=names, position=place[:3]), "has 7 names and 3 positions"),
+        (JointState(name=[*names, names[0]], position=[*place, 0.0]), "names a joint twice"),
+        (JointState(name=names, position=[*place[:6], float("nan")]), "joint panda_joint7"),
+        (JointState(name=names), "and no positions"),
+    ]
+    return [
+        *(("joint_trajectory", JointTrajectory, message, words) for message, words in of_trajectories),
+        *(("joint_target", JointState, message, words) for message, words in of_targets),
+    ]
+
+
+def test_a_message_that_cannot_be_read_is_refused_by_its_topic_and_counted(arm: Bench) -> None:
+    counts = {"joint_trajectory": 0, "joint_target": 0}
+    for topic, kind, message, words in refused_messages():
+        counts[topic] += 1
+        arm.publisher(kind, f"filter/{topic}").publish(message)
+
+        def is_counted(topic: str = topic) -> bool:
+            return status(arm).get(f"refused_~/{topic}") == str(counts[topic])
+
+        arm.wait(is_counted, f"the refusal of {topic}: {words}")
+        assert status(arm)["goal_code"] == "BAD_INPUT"
+        assert status(arm)["goal_reason"].startswith(f"~/{topic}: ")
+        assert words in status(arm)["goal_reason"]
+    assert is_at(arm, BEGIN)
 
 
 def test_it_stops_before_what_stands_on_the_path_and_goes_on_when_that_is_removed(arm: Bench) -> None:

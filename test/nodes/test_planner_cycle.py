@@ -849,7 +849,7 @@ class TestArming:
         armed = follow(cycle, arm, inputs, 1.0)
         assert all(one.trajectory is None for one in armed)
         assert {one.verdict.code for one in armed} == {VerdictCode.NO_GOAL}
-        assert armed[-1].goal_verdict.reason == "goal dropped: the planner was armed; send the goal again"
+        assert armed[-1].goal_verdict.reason == "goal dropped: ~/arm was called with true; send the goal again"
         assert arrived(arrive(cycle, arm, dataclasses.replace(inputs, goal_number=2))[-1])
         np.testing.assert_allclose(arm.measured(), inputs.goal.configuration, atol=1e-9)
 
