@@ -9,7 +9,9 @@ from pathlib import Path
 import pytest
 
 #: Where the programs begin.
-FOLDERS = {"planner": "nodes", "twin": "nodes", "record": "nodes", "paper_planner": "paper", "demo": "demo"}
+FOLDERS = {
+    **dict.fromkeys(("planner", "filter", "twin", "record"), "nodes"), "paper_planner": "paper", "demo": "demo",
+}  # fmt: skip
 # Interrupts its own process at the very moment when a library of the node is looked for.
 INTERRUPTED = """
 import os, signal, sys
