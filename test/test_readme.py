@@ -37,7 +37,7 @@ def broken(page: Path) -> list[str]:
     ]
 
 
-@pytest.mark.parametrize("code", BLOCKS, ids=["tool skill", "whole-arm skill"])
+@pytest.mark.parametrize("code", BLOCKS, ids=["tool skill", "whole-arm skill", "filter"])
 def test_the_python_of_the_tour_runs_and_finds_a_path(code, capsys):
     scope: dict[str, object] = {}
     exec(code, scope)

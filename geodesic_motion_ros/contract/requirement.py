@@ -31,6 +31,8 @@ class Margin:
 
 
 NO_CONTACT = Margin(0.0)
+#: An arm that is nearer than the margin comes no nearer, but for rounding: this share of the clearance is kept.
+_NO_NEARER = 0.999
 
 
 @dataclass(frozen=True)
@@ -40,7 +42,7 @@ class Requirement:
     Attributes
     ----------
     searched : what the search keeps from obstacles, where it can. Nothing depends on it that is certified.
-    certified : what the certificate requires where an obstacle moves; where all stand no contact is enough.
+    certified : what the certificate requires where an obstacle moves. standing : where all stand.
     horizon : obstacles that move go on for this time [s].
     stands_after : after the horizon they stand where they have come to; False: they do not count any more.
     """
@@ -49,10 +51,11 @@ class Requirement:
     certified: Margin
     horizon: float
     stands_after: bool = True
+    standing: Margin = NO_CONTACT
 
     def margin(self, obstacles: Obstacles, present: float = math.inf) -> float:
         """Return what a certificate among obstacles requires [m]; present : the clearance that there is already [m]."""
-        return 0.0 if obstacles.is_static else self.certified.of(present)
+        return (self.standing if obstacles.is_static else self.certified).of(present)
 
     def until(self, time: float) -> Requirement:
         """Return the requirement of a motion that has to be free until a time [s] of it, and no longer."""
@@ -68,6 +71,8 @@ class Requirements:
     goal, optimistic : of a new path to the goal. The clearance that there is already: at the end of the path that is
         nearer to an obstacle.
     detour : of a path beside what was demonstrated.
+    offer : of a motion that somebody else wants: nothing searches for it, so the certificate requires the margin. The
+        clearance that there is already: where the arm is.
     evasion, beside_graph : of a motion that makes room, to a place on the graph and to one beside it. To pass an
         obstacle narrowly is better than to be met by it: no margin is required. An arm that touches already what moves
         may leave it (`ArmCertifier.assess_leaving`).
@@ -80,6 +85,7 @@ class Requirements:
     goal: Requirement
     optimistic: Requirement
     detour: Requirement
+    offer: Requirement
     evasion: Requirement
     beside_graph: Requirement
     approach: Requirement
@@ -94,7 +100,7 @@ class Requirements:
             Purpose.GOAL: self.optimistic if optimistic else self.goal, Purpose.EVASION: self.evasion,
             Purpose.APPROACH: self.approach,
         }[purpose]  # fmt: skip
-        return replace(begun, certified=NO_CONTACT)
+        return replace(begun, certified=NO_CONTACT, standing=NO_CONTACT)
 
     @classmethod
     def of(cls, settings: PlannerSettings) -> Requirements:
@@ -111,6 +117,7 @@ class Requirements:
             goal=goal,
             optimistic=replace(goal, stands_after=False),
             detour=replace(goal, certified=Margin(moving)),
+            offer=Requirement(NO_CONTACT, Margin(moving, _NO_NEARER), horizon, standing=Margin(margin, _NO_NEARER)),
             evasion=evasion,
             beside_graph=replace(evasion, horizon=soon),
             approach=Requirement(approached, Margin(moving, nearer * approached.share), horizon),

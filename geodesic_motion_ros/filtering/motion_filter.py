@@ -245,7 +245,8 @@ class MotionFilter(StreamingPlanner[FilteredArm]):
             return None
         played = _end(part.reference) - float(part.reference.latent[0, 0])
         verdict = refusal.with_figures(clearance=part.verdict.figures.clearance)
-        return replace(part, verdict=verdict.with_remark(f"it plays {played:.2f} s of the trajectory and brakes"))
+        share = f"plays {played:.2f} s of the trajectory and " if played >= 0.005 else ""
+        return replace(part, verdict=verdict.with_remark(f"it {share}brakes"))
 
     def _around(self, situation: Situation, offer: Offer, progress: float) -> Step | None:
         """Follow the detour that was found for an arm at rest, or have one searched, once it has been blocked for long

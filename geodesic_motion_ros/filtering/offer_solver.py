@@ -76,10 +76,10 @@ class OfferSolver(MotionJudge):
 
     def certified(self, reference: JointReference, state: MotionState, obstacles: Obstacles) -> Plan:
         """Return the plan of a motion from a state, certified among obstacles; or what its certificate objects to."""
-        swept, required = self.certifier.sweep(reference), self.requirements.goal
+        swept, required = self.certifier.sweep(reference), self.requirements.offer
         certificate, _ = self.certifier.assess(swept, obstacles, required)
-        ends = float(min(certificate.clearance[0], certificate.clearance[-1]))
-        objection = self.certifier.objection(certificate, required.margin(obstacles, ends))
+        margin = required.margin(obstacles, float(certificate.clearance[0]))
+        objection = self.certifier.objection(certificate, margin)
         figures = Figures(clearance=float(np.min(certificate.clearance)), in_support=True)
         if objection and self.settings.avoidance:
             return Plan(None, state.time, Refusal(VerdictCode.NO_FEASIBLE_PATH, objection, figures))

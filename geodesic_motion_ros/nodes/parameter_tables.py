@@ -633,8 +633,8 @@ _OF_FILTER: dict[str, dict[str, Any]] = {
         "the arm stops by itself; not less than prediction"
     },
     "obstacle_margin": {
-        "description": "What moves is kept off by a share of this clearance, where the arm is not nearer already; for "
-        "a guaranteed distance set obstacle_position_error"
+        "description": "Clearance from obstacles, where one moves twice as much, that what is offered must keep; an "
+        "arm that is nearer comes no nearer. Obstacles are enlarged by obstacle_position_error besides"
     },
     "resume_timeout": {
         "description": "When joint states return after a longer silence than this the trajectory is dropped; before, "

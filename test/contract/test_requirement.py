@@ -22,6 +22,7 @@ ROWS = {
     "new path to the goal": "goal",
     "*optimistic* path to the goal": "optimistic",
     "detour": "detour",
+    "what is offered to a [filter](filter.md)": "offer",
     "evasion": "evasion",
     "evasion beside the graph": "beside_graph",
     "approach to a covered goal": "approach",
@@ -38,14 +39,15 @@ def multiple(margin: Margin) -> str:
     if margin.clearance <= 0.0:
         return "no contact" if margin.clearance == 0.0 else "nothing"
     kept = "m" if margin.clearance == 1.0 else f"{margin.clearance:g} m"
-    return kept if math.isinf(margin.share) else f"{kept}, or {margin.share:.2g} c where that is less"
+    return kept if math.isinf(margin.share) else f"{kept}, or {margin.share:.3g} c where that is less"
 
 
 def row(motion: str, name: str) -> str:
     """A line of the page's table."""
     required: Requirement = getattr(Requirements.of(SETTINGS), name)
     moving, searched = multiple(required.certified), multiple(required.searched)
-    standing = "not tried" if name in AMONG_MOVING else "nothing" if moving == "nothing" else "no contact"
+    standing = "nothing" if moving == "nothing" else multiple(required.standing)
+    standing = "not tried" if name in AMONG_MOVING else standing
     horizon = "`prediction`" if required.horizon == SETTINGS.prediction else f"{required.horizon:g} s"
     after = "stands" if required.stands_after else "does not count"
     return f"| {motion} | {searched.replace('no contact', '')} | {standing} | {moving} | {horizon} | {after} |"
@@ -85,12 +87,14 @@ def test_a_margin_is_required_among_what_moves_and_not_to_go_on() -> None:
     assert required.margin(moving) == 0.01
     assert required.margin(moving, 0.01) == 0.005
     assert required.margin(standing) == 0.0
+    # Nothing searches for what is offered.
+    assert requirements.offer.margin(standing) == 0.005
     for purpose, begun in (
         (Purpose.GOAL, requirements.goal), (Purpose.EVASION, requirements.evasion),
         (Purpose.APPROACH, requirements.approach),
     ):  # fmt: skip
         going_on = requirements.to_go_on(purpose, optimistic=False)
-        assert going_on.margin(moving) == 0.0
+        assert going_on.margin(moving) == going_on.margin(standing) == 0.0
         assert (going_on.horizon, going_on.stands_after) == (begun.horizon, begun.stands_after)
     assert not requirements.to_go_on(Purpose.GOAL, optimistic=True).stands_after
     assert required.until(0.3).horizon == 0.3

@@ -7,6 +7,7 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
+from geodesic_motion_ros.certification.arm_clearance import obstacle_clearance
 from geodesic_motion_ros.certification.declared_scene import DeclaredScene
 from geodesic_motion_ros.contract.mode import Mode
 from geodesic_motion_ros.contract.status import VerdictCode
@@ -121,6 +122,34 @@ def test_nothing_is_touched_that_crosses_the_path(
     assert least_clearance(filtering.positions, centre, RADIUS) > 0.0
     assert off_the_path(filtering.positions) < 2e-3
     assert keeps_limits(filtering)
+
+
+def test_an_arm_that_is_pushed_towards_an_obstacle_keeps_its_margin_and_may_leave(filtering: Filtering) -> None:
+    """Fifty targets a second lead into a sphere on the path, and then back. The control: they reach into it."""
+    sphere = Obstacles.of_spheres(halfway(filtering)[None], np.array([RADIUS]))
+    margin = filtering.filter.settings.obstacle_margin
+    filtering.filter.observe(sphere)
+
+    def clearance(position: np.ndarray) -> float:
+        return obstacle_clearance(filtering.filter.collision, filtering.filter.robot, position, sphere)[0]
+
+    def pushed(sign: float) -> Callable[[float], None]:
+        def send(now: float) -> None:
+            if round(100 * now) % 2 == 0:
+                here = filtering.filter.commanded_state(now)[0]
+                share = np.clip((here - BEGIN) @ MOVED / (MOVED @ MOVED) + sign * 0.2, 0.0, 1.0)
+                assert filtering.filter.offer(np.zeros(1), (BEGIN + share * MOVED)[None]).ok
+
+        return send
+
+    filtering.run(4.0, pushed(1.0))
+    clearances = [clearance(position) for position in filtering.positions]
+    # Chunk by chunk the arm may lose a thousandth of what it keeps.
+    assert 0.8 * margin < min(clearances) < 10.0 * margin
+    ahead = np.clip((filtering.positions[-1] - BEGIN) @ MOVED / (MOVED @ MOVED) + 0.2, 0.0, 1.0)
+    assert clearance(BEGIN + ahead * MOVED) < 0.0
+    filtering.run(4.0, pushed(-1.0))
+    np.testing.assert_allclose(filtering.positions[-1], BEGIN, atol=1e-3)
 
 
 @pytest.mark.parametrize("recover", ["detour", "wait"])

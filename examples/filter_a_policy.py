@@ -1,0 +1,64 @@
+"""Have the chunks of a policy certified: it looks at no obstacle, and the arm touches none.
+
+A policy as of LeRobot: from an observation to a chunk of actions (16, joints) at 30 Hz. Any that gives positions of the
+joints takes the place of `policy`. A sphere crosses; the arm brakes along the policy's own path, and goes on behind it.
+
+    python examples/filter_a_policy.py     # prints what happens and draws filter_a_policy.png
+"""
+
+import matplotlib.pyplot as plt
+import numpy as np
+
+from geodesic_motion_ros import DeclaredScene, MotionFilter, Obstacles
+from geodesic_motion_ros.certification.arm_clearance import obstacle_clearance
+
+START = np.array([-0.8, 0.3, 0.0, -1.8, 0.0, 2.1, 0.8])
+GOAL = np.array([0.8, 0.3, 0.0, -1.8, 0.0, 2.1, 0.8])
+FREQUENCY, CHUNK, TICK = 30.0, 16, 0.01
+
+
+def policy(joints: np.ndarray) -> np.ndarray:
+    """Return the next actions (16, 7) [rad] from where the joints are observed: at most 0.5 rad/s towards the goal."""
+    steps = np.arange(1, CHUNK + 1)[:, None] * 0.5 / FREQUENCY
+    away = GOAL - joints
+    return joints + away * np.minimum(1.0, steps / max(np.max(np.abs(away)), 1e-9))
+
+
+def sphere(now: float) -> Obstacles:
+    """Return a sphere of 6 cm that crosses the path of the hand, as a tracker sees it at a time [s]."""
+    velocity = np.array([[0.0, 0.0, -0.2]])
+    return Obstacles.of_spheres(np.array([[0.6, 0.0, 0.9]]) + velocity * now, np.array([0.06]), velocity, time=now)
+
+
+def play(filtered: bool, seconds: float = 8.0) -> tuple[np.ndarray, np.ndarray]:
+    """Return the first joint (n,) [rad] and the arm's clearance from the sphere (n,) [m] at every tick."""
+    motion_filter = MotionFilter("panda", DeclaredScene.empty())
+    motion_filter.stand_at(START, now=0.0)
+    joints, said, rows = START, "", []
+    for tick in range(int(seconds / TICK)):
+        now, seen = tick * TICK, sphere(tick * TICK)
+        if tick % 25 == 0:  # four chunks a second; each begins where the arm is, and the next one comes before it ends
+            motion_filter.offer(np.arange(1, CHUNK + 1) / FREQUENCY, policy(joints), begin=now)
+        motion_filter.observe(seen if filtered else Obstacles.none())
+        verdict = motion_filter.tick(now).verdict
+        joints, _, _ = motion_filter.commanded_state(now + TICK)  # send these to your arm
+        if filtered and verdict.code.name != said:
+            said = verdict.code.name
+            print(f"{now:5.2f} s  {said}: {verdict.reason}")
+        rows.append((joints[0], obstacle_clearance(motion_filter.collision, motion_filter.robot, joints, seen)[0]))
+    return np.array(rows).T
+
+
+if __name__ == "__main__":
+    figure, (above, below) = plt.subplots(2, 1, sharex=True, figsize=(7, 5), layout="constrained")
+    for name, filtered in (("policy alone", False), ("with the filter", True)):
+        joint, clearance = play(filtered)
+        times = TICK * np.arange(len(joint))
+        above.plot(times, joint, label=name)
+        below.plot(times, 100 * clearance, label=name)
+        print(f"{name}: {100 * np.min(clearance):.1f} cm at least between arm and sphere")
+    below.axhline(0.0, color="black", linewidth=0.8)
+    above.set_ylabel("first joint [rad]")
+    below.set(xlabel="time [s]", ylabel="clearance [cm]")
+    above.legend()
+    figure.savefig("filter_a_policy.png", dpi=120)
