@@ -21,7 +21,7 @@ setup(
         # Predictors that `evaluate` and `train --held-out` compare with.
         "peers": ["movement_primitives", "pytransform3d"],
         # Methods that `benchmark` compares with; what is not installed is left out there.
-        "benchmark": ["movement_primitives", "pytransform3d", "ompl", "pin", "pin-pink", "daqp"],
+        "benchmark": ["movement_primitives", "pytransform3d", "ompl", "pin", "pin-pink", "daqp", "roboplan-rrt"],
         # What `timing` compares the search with.
         "timing": ["igraph", "networkit", "networkx"],
     },

@@ -13,6 +13,7 @@ from geodesic_motion_studies.comparison.arena import Arena
 from geodesic_motion_studies.comparison.method import Method
 
 if TYPE_CHECKING:
+    from geodesic_motion_ros.filtering.motion_filter import Recovery
     from geodesic_motion_studies.comparison.methods.detoured_base import BaseName
     from geodesic_motion_studies.comparison.methods.geodesic import Part
 
@@ -25,7 +26,7 @@ class Row:
     ----------
     make : makes the method in an arena, and imports the modules that it needs.
     description : the method in a line. needs : modules that must be installed.
-    by_name : whether it is played only where it is named, as few skills have what it takes.
+    by_name : whether it is played only where it, or its study, is named.
     """
 
     make: Callable[[Arena], Method]
@@ -96,6 +97,38 @@ def _barriers(arena: Arena) -> Method:
     return BarrierKinematics(arena)
 
 
+def _policy(arena: Arena) -> Method:
+    from geodesic_motion_studies.comparison.methods.policy import PolicyAlone
+
+    return PolicyAlone(arena)
+
+
+def _filtered_policy(arena: Arena, recover: Recovery, braking: bool = False) -> Method:
+    from geodesic_motion_studies.comparison.methods.filtered import Braking, FilteredPolicy
+
+    return FilteredPolicy(arena, recover, Braking) if braking else FilteredPolicy(arena, recover)
+
+
+def _policy_among_barriers(arena: Arena) -> Method:
+    from geodesic_motion_studies.comparison.methods.barriers import PolicyAmongBarriers
+
+    return PolicyAmongBarriers(arena)
+
+
+def _plans(arena: Arena) -> Method:
+    from geodesic_motion_studies.comparison.methods.rapid_plans import PlanFollower
+
+    return PlanFollower(arena)
+
+
+def _filtered_plans(arena: Arena) -> Method:
+    from geodesic_motion_studies.comparison.methods.filtered import FilteredPlans
+
+    return FilteredPlans(arena)
+
+
+_BARRIERS = ("pinocchio", "pink", "daqp")
+
 ROWS: dict[str, Row] = {
     "ours": Row(
         partial(_geodesics, part="whole"),
@@ -128,14 +161,43 @@ ROWS: dict[str, Row] = {
     "ProMP": Row(_promp, "probabilistic movement primitives, sampled for a free motion", _PRIMITIVES),
     "RRT-Connect": Row(_rrt_connect, "sampling-based, planned again where the path is blocked, smoothed", ("ompl",)),
     "barriers": Row(
-        _barriers, "differential inverse kinematics along the nearest demonstration, with control barriers",
-        ("pinocchio", "pink", "daqp"),
+        _barriers, "differential inverse kinematics along the nearest demonstration, with control barriers", _BARRIERS
+    ),
+    "policy": Row(
+        _policy, "chunks of a policy cloned from the demonstrations, which knows of no obstacles", ("torch",), True
+    ),
+    "policy + filter": Row(
+        partial(_filtered_policy, recover="wait"), "its chunks through the motion filter, which waits", ("torch",), True
+    ),
+    "policy + filter + detour": Row(
+        partial(_filtered_policy, recover="detour"), "the same with a filter that passes around", ("torch",), True
+    ),
+    "policy + braking": Row(
+        partial(_filtered_policy, recover="wait", braking=True),
+        "the same with braking alone: a stop at once where a chunk is not free", ("torch",), True,
+    ),
+    "policy + barriers": Row(
+        _policy_among_barriers, "its chunks followed among control barriers", ("torch", *_BARRIERS), True
+    ),
+    "RRT-Connect, 10 Hz": Row(
+        _plans, "plans of roboplan, looked at ten times a second, and made anew where blocked", ("roboplan",), True
+    ),
+    "RRT-Connect + filter": Row(
+        _filtered_plans, "the same plans through the motion filter, which waits", ("roboplan",), True
     ),
 }
+#: Rows by the name of what they are played for together.
+STUDIES = {
+    "filter": (
+        "policy", "policy + filter", "policy + filter + detour", "policy + braking", "policy + barriers",
+        "RRT-Connect, 10 Hz", "RRT-Connect + filter",
+    ),
+}  # fmt: skip
 
 
 def chosen(names: tuple[str, ...] | None) -> tuple[str, ...]:
-    """Rows by their names; without any all whose libraries are installed, but those that are played by name only.
+    """Rows by their names, or those of a study; without any all whose libraries are installed, but those that are
+    played by name only.
 
     Raises
     ------
@@ -143,9 +205,10 @@ def chosen(names: tuple[str, ...] | None) -> tuple[str, ...]:
     """
     if names is None:
         return tuple(name for name, row in ROWS.items() if not row.missing and not row.by_name)
+    names = tuple(dict.fromkeys(row for name in names for row in STUDIES.get(name, (name,))))
     for name in names:
         if name not in ROWS:
-            raise ParameterError(f"there is no method '{name}': choose from {'; '.join(ROWS)}")
+            raise ParameterError(f"there is no method '{name}': choose from {'; '.join((*ROWS, *STUDIES))}")
         if ROWS[name].missing:
             raise GeodesicMotionError(
                 f"the method '{name}' needs {ROWS[name].missing}, which is not installed: "

@@ -31,22 +31,55 @@ LATENCY, PREDICTION, RETRY = PlannerSettings.latency, PlannerSettings.prediction
 MARGIN = 0.01
 
 
-class Replanning(ABC):
-    """A method that plans paths from where the arm will be."""
+class Playing:
+    """A method that plays references, each joined to the one before."""
 
     settings: dict[str, Any]
 
     def __init__(self, arena: Arena) -> None:
         self._arena = arena
-        model = arena.collision
-        self._certifier = ArmCertifier(arena.robot, model)
 
     def reset(self, scene: Scene) -> None:
         """Forget all that was before."""
-        self._goal, self._solids = scene.goal, scene.declared.solids
         self._played = JointReference.standing(scene.start, np.zeros(1))
-        self._begin, self._asked = 0.0, -np.inf
-        self._swept: SweptArm | None = None
+        self._begin = 0.0
+
+    def rests(self, time: float) -> bool:
+        """Whether what is being played has ended by a time [s]."""
+        return time >= self._begin + self._played.duration
+
+    def _play(self, reference: JointReference, now: float, switch: float, refusal: str) -> Answer:
+        """What is being played until the switch, and the reference from there on."""
+        local = now - self._begin
+        if local >= self._played.duration:
+            since = local
+        else:
+            since = float(self._played.times[np.searchsorted(self._played.times, local, side="right") - 1])
+        whole = joined(self._played, since, reference, switch - self._begin)
+        self._played, self._begin = whole, self._begin + since
+        return Answer.playing(whole, self._begin, refusal)
+
+    def _stop(self, now: float, switch: float, refusal: str) -> Answer:
+        """The soonest stop from the switch on, along what is being played; an arm at rest stays."""
+        if self.rests(switch):
+            return Answer(refusal=refusal)
+        stop = stopping_reference(self._played, switch - self._begin, self._arena.limits)
+        return self._play(stop, now, switch, refusal)
+
+
+class Replanning(Playing, ABC):
+    """A method that plans paths from where the arm will be."""
+
+    def __init__(self, arena: Arena) -> None:
+        super().__init__(arena)
+        self._certifier = ArmCertifier(arena.robot, arena.collision)
+
+    def reset(self, scene: Scene) -> None:
+        """Forget all that was before."""
+        super().reset(scene)
+        self._goal, self._solids = scene.goal, scene.declared.solids
+        self._asked = -np.inf
+        self._swept: tuple[JointReference, SweptArm] | None = None
         self._follows_path = False
         self.prepare(scene)
 
@@ -75,19 +108,13 @@ class Replanning(ABC):
         refusal = "no free path was found"
         if self._follows_path:
             self._follows_path = False
-            if not self.rests(switch):
-                stop = stopping_reference(self._played, switch - self._begin, self._arena.limits)
-                return self._play(stop, now, switch, refusal)
+            return self._stop(now, switch, refusal)
         return Answer(refusal=refusal)
 
-    def rests(self, time: float) -> bool:
-        """Whether what is being played has ended by a time [s]."""
-        return time >= self._begin + self._played.duration
-
     def _left_is_free(self, switch: float, obstacles: Obstacles) -> bool:
-        if self._swept is None:
-            self._swept = self._certifier.sweep(self._played)
-        left = self._swept.since(switch - self._begin)
+        if self._swept is None or self._swept[0] is not self._played:
+            self._swept = self._played, self._certifier.sweep(self._played)
+        left = self._swept[1].since(switch - self._begin)
         certificate = self._certifier.certify_swept(left, obstacles, PREDICTION)
         return not self._certifier.objection(certificate)
 
@@ -107,17 +134,6 @@ class Replanning(ABC):
             if not self._certifier.objection(certificate, margin):
                 return reference
         return None
-
-    def _play(self, reference: JointReference, now: float, switch: float, refusal: str) -> Answer:
-        """What is being played until the switch, and the reference from there on."""
-        local = now - self._begin
-        if local >= self._played.duration:
-            since = local
-        else:
-            since = float(self._played.times[np.searchsorted(self._played.times, local, side="right") - 1])
-        whole = joined(self._played, since, reference, switch - self._begin)
-        self._played, self._begin, self._swept = whole, self._begin + since, None
-        return Answer.playing(whole, self._begin, refusal)
 
 
 def meeting(path: np.ndarray, start: np.ndarray, goal: np.ndarray) -> np.ndarray:

@@ -21,6 +21,7 @@ from geodesic_motion_ros.geometry.quaternions import to_rotation
 from geodesic_motion_ros.obstacles.obstacles import Obstacles
 from geodesic_motion_ros.robot.body_points import body_point_jacobians, place_body_points
 from geodesic_motion_studies.comparison.arena import Arena
+from geodesic_motion_studies.comparison.cloned_policy import RENEWED, cloned_policy
 from geodesic_motion_studies.comparison.method import TICK, Answer
 from geodesic_motion_studies.comparison.scene import Scene
 
@@ -71,10 +72,7 @@ class BarrierKinematics:
         from pink import Configuration, solve_ik
         from pink.exceptions import NoSolutionFound
 
-        wanted = self._reference.sample(self._along)[0]
-        behind = float(np.max(np.abs(wanted - self._joints)))
-        self._along += TICK * float(np.clip(2.0 - behind / FOLLOWED, 0.0, 1.0))
-        wanted = self._reference.sample(self._along)[0]
+        wanted = self._wanted(now)
         position, quaternion = self._arena.robot.forward(wanted)
         self._pose.set_target(pinocchio.SE3(to_rotation(quaternion).as_matrix(), position))
         self._posture.set_target(wanted)
@@ -92,6 +90,35 @@ class BarrierKinematics:
             return Answer.moving(self._joints, np.zeros_like(self._joints), now, "no velocity keeps all barriers")
         self._joints = self._joints + TICK * velocities
         return Answer.moving(self._joints, velocities, now)
+
+
+    def _wanted(self, now: float) -> np.ndarray:
+        """Where the joints are to be (eta,) [rad]."""
+        wanted = self._reference.sample(self._along)[0]
+        behind = float(np.max(np.abs(wanted - self._joints)))
+        self._along += TICK * float(np.clip(2.0 - behind / FOLLOWED, 0.0, 1.0))
+        return self._reference.sample(self._along)[0]
+
+
+class PolicyAmongBarriers(BarrierKinematics):
+    """Follows the chunks of a policy in the place of a demonstration, among the same barriers."""
+
+    def __init__(self, arena: Arena) -> None:
+        super().__init__(arena)
+        self._policy = cloned_policy(arena)
+        self.settings = {**self.settings, **self._policy.settings}
+
+    def reset(self, scene: Scene) -> None:
+        """Forget the chunk before."""
+        super().reset(scene)
+        self._goal, self._begun = scene.goal, -np.inf
+
+    def _wanted(self, now: float) -> np.ndarray:
+        """Of the newest chunk, so far ahead of the present that the arm, which lags, is on time."""
+        if now >= self._begun + RENEWED - 1e-6:
+            self._begun, self._chunk = now, self._policy.chunk(self._joints, self._goal)
+        ahead = now - self._begun + TICK / TASK_GAIN
+        return np.array([np.interp(ahead, self._chunk[0], joint) for joint in self._chunk[1].T])
 
 
 def _sphere_barrier(arena: Arena, gain: float, kept_off: float, pairs: int) -> Any:

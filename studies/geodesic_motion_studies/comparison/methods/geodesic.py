@@ -13,7 +13,6 @@ from geodesic_motion_ros.geometry.quaternions import to_rotation
 from geodesic_motion_ros.kernels.loading import load_kernels
 from geodesic_motion_ros.motion.tracking import Tracking, TrackingMonitor
 from geodesic_motion_ros.obstacles.obstacles import Obstacles
-from geodesic_motion_ros.obstacles.velocity_history import VelocityHistory
 from geodesic_motion_ros.planning.planner import ReactivePlanner
 from geodesic_motion_ros.robot.body_points import BodyPoints
 from geodesic_motion_ros.robot.collision_model import CollisionModel
@@ -21,11 +20,9 @@ from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_studies.comparison.arena import Arena
 from geodesic_motion_studies.comparison.method import Answer
 from geodesic_motion_studies.comparison.scene import Scene
+from geodesic_motion_studies.comparison.spheres_seen import SpheresSeen
 
 Part = Literal["whole", "demonstrated", "hard", "soft"]
-
-#: What is within this of where a sphere was the tick before is the same sphere [m].
-SAME_SPHERE = 0.02
 
 
 class Geodesics:
@@ -52,7 +49,7 @@ class Geodesics:
         self._arena, self._part = arena, part
         # By what is declared around the arm: a planner has one scene, and takes seconds to make.
         self._planners: dict[bytes, ReactivePlanner] = {}
-        self._seen: list[tuple[np.ndarray, VelocityHistory]] = []
+        self._seen = SpheresSeen()
         self._planner_settings = settings
         self.settings = {"part": part, **asdict(settings)}
 
@@ -63,7 +60,7 @@ class Geodesics:
             self._planners[declared] = self._made(scene.declared)
         self._planner = self._planners[declared]
         self._tracking = TrackingMonitor(self._planner.robot, self._planner.collision)
-        self._seen = []
+        self._seen = SpheresSeen()
         self._planner.set_tracking(Tracking())
         self._planner.take_obstacles(Obstacles.none())
         self._planner.stand_at(scene.start, 0.0)
@@ -89,27 +86,12 @@ class Geodesics:
 
     def tick(self, now: float, obstacles: Obstacles) -> Answer:
         """As the planner node's cycle."""
-        # A tracker, by which what moves has an age, has worked out the errors itself.
-        if not obstacles.ages.any():
-            obstacles = replace(obstacles, velocity_errors=self._velocity_errors(now, obstacles))
-        self._planner.take_obstacles(obstacles)
+        self._planner.take_obstacles(self._seen.with_errors(now, obstacles))
         plan = self._planner.tick(now)
         refusal = "" if plan.verdict.ok else f"{plan.verdict.code.name}: {plan.verdict.reason}"
         if plan.reference is None or now >= plan.begin + plan.reference.duration:
             return Answer(refusal=refusal)
         return Answer.playing(plan.reference, plan.begin, refusal)
-
-    def _velocity_errors(self, now: float, obstacles: Obstacles) -> np.ndarray:
-        """(o,) [m/s] by where the spheres truly were in the ticks before."""
-        before, self._seen = self._seen, []
-        for centre in obstacles.centres:
-            apart = [float(np.linalg.norm(centre - place)) for place, _ in before]
-            nearest = int(np.argmin(apart)) if apart and min(apart) <= SAME_SPHERE else None
-            history = VelocityHistory() if nearest is None else before[nearest][1]
-            history.see(tuple(centre.tolist()), now)
-            self._seen.append((centre, history))
-        pairs = zip(self._seen, obstacles.velocities, strict=True)
-        return np.array([history.error(tuple(velocity.tolist())) for (_, history), velocity in pairs])
 
 
 def no_body(robot: Robot) -> CollisionModel:
