@@ -147,18 +147,22 @@ class MotionFilter(StreamingPlanner[FilteredArm]):
         state = self.commanded_state(at)
         if state is None:
             return "where the arm stands is not known yet"
-        position = state[0]
-        return joining_objection(self.robot, offer, position, self._joined_at(offer, position, at))
+        position, velocity, _ = state
+        progress = self._joined_at(offer, position, velocity, at)
+        return joining_objection(self.robot, self.limits, offer, position, progress)
 
-    def _joined_at(self, offer: Offer, position: np.ndarray, time: float) -> float:
-        """The time [s] of an offer at which an arm that is at a position (eta,) [rad] at `time` [s] joins it: the one
-        that is due, where the arm is near its place; else that of the nearest place.
+    def _joined_at(self, offer: Offer, position: np.ndarray, velocity: np.ndarray, time: float) -> float:
+        """The time [s] of an offer at which an arm at a position [rad] with a velocity (eta,) [rad/s] at `time` [s]
+        joins it: the one that is due, where the arm is near its place; else that of the nearest place.
         """
-        due = float(offer.times[0]) if offer.begin is None else time - offer.begin
-        scheduled = float(np.clip(due, offer.times[0], offer.times[-1]))
-        if offer.begin is not None and not joining_objection(self.robot, offer, position, scheduled):
+        due = 0.0 if offer.begin is None else time - offer.begin
+        scheduled = float(np.clip(due, 0.0, offer.times[-1]))
+        if offer.begin is not None and not joining_objection(self.robot, self.limits, offer, position, scheduled):
             return scheduled
-        return offer.nearest(position, self.limits)
+        nearest = offer.nearest(position, self.limits)
+        if nearest > offer.times[0]:
+            return nearest
+        return min(scheduled, offer.before_first(position, velocity, self.limits))
 
     def clear_goal(self) -> None:
         """Forget the trajectory that is played: the arm comes to rest along it."""
@@ -184,7 +188,8 @@ class MotionFilter(StreamingPlanner[FilteredArm]):
         if situation.exceeds_limits and (slowed := situation.slowed()) is not None:
             return slowed
         if followed is None or followed.query is not offer:
-            progress = self._joined_at(offer, situation.state.position, situation.state.time)
+            state = situation.state
+            progress = self._joined_at(offer, state.position, state.velocity, state.time)
             return self._attempt(situation, offer, progress)
         clearance = situation.remaining_clearance() if followed.purpose is not Purpose.STOP else None
         assert situation.state.latent is not None

@@ -80,8 +80,10 @@ class Offer:
         return times, CubicHermiteSpline(self.times, self.positions, self.velocities)(times)
 
     def at(self, progress: float) -> np.ndarray:
-        """Return the position (eta,) [rad] at a time [s] of it."""
+        """Return the position (eta,) [rad] at a time [s] of it; before its first point as if it had begun sooner."""
         times, positions = self.points
+        if progress < times[0] and len(times) > 1:
+            return positions[0] + (progress - times[0]) / (times[1] - times[0]) * (positions[1] - positions[0])
         return np.array([np.interp(progress, times, column) for column in positions.T])
 
     def nearest(self, position: np.ndarray, limits: JointLimits) -> float:
@@ -96,6 +98,17 @@ class Offer:
         apart = np.linalg.norm(away - share[:, None] * steps, axis=1)
         i = int(np.argmin(apart))
         return float(times[i] + share[i] * (times[i + 1] - times[i]))
+
+    def before_first(self, position: np.ndarray, velocity: np.ndarray, limits: JointLimits) -> float:
+        """Return the time [s] of it that an arm has come to which is before its first point: its beginning, where the
+        arm stands; in motion so much before that point as the arm takes to come there at the speed of what follows.
+        """
+        first = float(self.times[0])
+        if len(self.times) < 2 or not np.any(velocity):
+            return 0.0
+        speed = np.linalg.norm((self.positions[1] - self.positions[0]) / limits.velocity) / (self.times[1] - first)
+        apart = np.linalg.norm((self.positions[0] - position) / limits.velocity)
+        return first - float(np.clip(apart / max(speed, 1e-9), 0.0, first))
 
 
 def checked_offer(robot: Robot, limits: JointLimits, request: OfferRequest) -> Offer | Refusal:
@@ -162,15 +175,21 @@ def _limit_objection(robot: Robot, limits: JointLimits, at: np.ndarray, where: n
     return ""
 
 
-def joining_objection(robot: Robot, offer: Offer, position: np.ndarray, progress: float) -> str:
-    """Return why the arm, at a position (eta,) [rad], cannot join an offer at a time [s] of it; "" where it can."""
-    apart = np.abs(offer.at(progress) - position)
-    joint = int(np.argmax(apart))
-    if apart[joint] <= LARGEST_JUMP:
+def joining_objection(
+    robot: Robot, limits: JointLimits, offer: Offer, position: np.ndarray, progress: float
+) -> str:
+    """Return why the arm, at a position (eta,) [rad], cannot join an offer at a time [s] of it; "" where it can. Before
+    the first point there is time to come to it.
+    """
+    left = float(offer.times[0]) - progress
+    apart = np.abs(offer.at(max(progress, float(offer.times[0]))) - position)
+    beyond = apart > np.maximum(LARGEST_JUMP, JUMP_FACTOR * max(0.0, left) * limits.velocity)
+    if not np.any(beyond):
         return ""
-    name = robot.joint_names[joint]
+    joint = int(np.argmax(np.where(beyond, apart, 0.0)))
     what, far = "the trajectory begins" if offer.duration else "the target is", f"{apart[joint]:.2f} rad"
-    return f"{what} {far} from where '{name}' is commanded, at most {LARGEST_JUMP:g} may be: a jump"
+    after = f" in {left:.2f} s" if left > 0.0 else ""
+    return f"{what} {far} from where '{robot.joint_names[joint]}' is commanded{after}: a jump"
 
 
 def _refused(reason: str) -> Refusal:

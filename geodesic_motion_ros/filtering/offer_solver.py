@@ -35,6 +35,8 @@ from geodesic_motion_ros.utils.deadline import NEVER, Deadline
 
 #: Points that are nearer than this in time [s] are one.
 _SHORTEST_STEP = 1e-3
+#: An arm that is before the first point of an offer is led to it in no less than this time [s], or to a later one.
+_LEAD = 0.05
 #: An arm that is beside an offer comes to it in this time [s], or this multiple of the time that full speed would take.
 #: Much longer than chunks are apart: sooner, each of them would lead it farther beside.
 _JOINING, _JOINING_SHARE = 0.2, 4.0
@@ -53,26 +55,27 @@ class OfferSolver(MotionJudge):
         """Return the motion from a state along the rest of an offer, from a time [s] of it on; None where the state
         cannot be led onto it within the limits.
         """
-        times, positions = offer.points
-        ahead = times > progress + _SHORTEST_STEP
-        ahead[-1] = True
-        at = np.append(min(progress, times[-1] - _SHORTEST_STEP), times[ahead])
-        latent, passed = at[:, None], at - at[0]
-        apart = state.position - offer.at(progress)
+        first = float(offer.points[0][0])
+        begun = state.velocity, state.acceleration
+        if progress < first:
+            passed, path, latent = _rest(offer, state.position, progress, _LEAD)
+            led = kept_times_reference(passed, path, latent, self.limits, *begun, self.tool, leads_in=True)
+            if led is not None:
+                return led
+        # An arm that stands has not begun sooner.
+        apart = state.position - offer.at(progress if state.velocity.any() else max(progress, first))
         joining = max(_JOINING, _JOINING_SHARE * float(np.max(np.abs(apart) / self.limits.velocity)))
-        left = np.maximum(0.0, 1.0 - passed / joining)[:, None]
-        # A short offer is over before: its end is kept.
-        left[-1] = 0.0
-        path = np.concatenate([state.position[None], positions[ahead] + left[1:] * apart])
+        passed, path, latent = _rest(offer, state.position, progress)
+        if first - progress < joining:
+            left = np.maximum(0.0, 1.0 - passed / joining)[:, None]
+            # A short offer is over before: its end is kept.
+            left[-1] = 0.0
+            path[1:] += left[1:] * apart
         if np.max(np.abs(apart)) < _ON_TIME:
-            kept = kept_times_reference(
-                passed, path, latent, self.limits, state.velocity, state.acceleration, self.tool
-            )  # fmt: skip
+            kept = kept_times_reference(passed, path, latent, self.limits, *begun, self.tool)
             if kept is not None:
                 return kept
-        return timed_joint_reference(
-            path, latent, self.limits, state.velocity, state.acceleration, tool=self.tool, shown=passed
-        )
+        return timed_joint_reference(path, latent, self.limits, *begun, tool=self.tool, shown=passed)
 
     def certified(self, reference: JointReference, state: MotionState, obstacles: Obstacles) -> Plan:
         """Return the plan of a motion from a state, certified among obstacles; or what its certificate objects to."""
@@ -137,6 +140,19 @@ class OfferSolver(MotionJudge):
         covariances = np.repeat(SPREAD**2 * np.eye(3)[None], len(path), axis=0)
         frame = DetourFrame.of_base_path(self.robot, path, at[:, None], covariances)
         return DetourFinder(self).find_beside(frame, RestOfOffer(position, path[-1]), obstacles, reach)
+
+
+def _rest(
+    offer: Offer, position: np.ndarray, progress: float, shortest: float = _SHORTEST_STEP
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Times (m,) [s] from a time of an offer on, and configurations (m, eta) [rad]: a position, and then the points
+    that come more than a time [s] later; with the times of the offer as latent points (m, 1).
+    """
+    times, positions = offer.points
+    ahead = times > progress + shortest
+    ahead[-1] = True
+    at = np.append(min(progress, times[-1] - _SHORTEST_STEP), times[ahead])
+    return at - at[0], np.concatenate([position[None], positions[ahead]]), at[:, None]
 
 
 @dataclass(frozen=True)

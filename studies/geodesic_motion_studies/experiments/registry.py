@@ -45,6 +45,7 @@ STUDIES: dict[str, Entry] = {
     "pouring-task": Entry("pouring_task", "PouringTask", "three bottles, three cups: pairs, a moving sphere, a chain"),
     "detours": Entry("detours", "Detours", "a sphere on the tool's path, and several largest detours, side by side"),
     "largest-sphere": Entry("largest_sphere", "LargestSphere", "on the tool's path, place by place, by the detour"),
+    "chunks": Entry("chunks", "Chunks", "drawn chunks offered to a motion filter: refused, path, duration"),
     "queries": Entry("queries", "Queries", "drawn starts and goals of shipped skills: answered, or refused and why"),
     "limbs": Entry("limbs", "Limbs", "a sphere beside the tool's path: which postures of the arm it hits"),
     "grasp-joint": Entry("grasp_joint", "GraspJoint", "reach to grasp with the whole arm: what is left when blocked"),
