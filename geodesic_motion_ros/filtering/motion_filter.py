@@ -16,7 +16,7 @@ import numpy as np
 
 from geodesic_motion_ros.certification.declared_scene import DeclaredScene
 from geodesic_motion_ros.contract.mode import Purpose
-from geodesic_motion_ros.contract.settings import PlannerSettings
+from geodesic_motion_ros.contract.settings import SEARCH_PERIOD, PlannerSettings
 from geodesic_motion_ros.contract.status import Refusal, Verdict, VerdictCode
 from geodesic_motion_ros.filtering.offer import (
     LATEST_BEGIN,
@@ -25,11 +25,11 @@ from geodesic_motion_ros.filtering.offer import (
     checked_offer,
     joining_objection,
 )
-from geodesic_motion_ros.filtering.offer_solver import FilteredArm
+from geodesic_motion_ros.filtering.offer_solver import FilteredArm, RestOfOffer
 from geodesic_motion_ros.motion.detour import Detour, DetourFinder
 from geodesic_motion_ros.motion.plan import Plan
 from geodesic_motion_ros.motion.played import FollowedPlan, Step
-from geodesic_motion_ros.motion.retry import TIME_ROUNDING, PastSearch, Question
+from geodesic_motion_ros.motion.retry import TIME_ROUNDING, PastSearch, Question, is_due
 from geodesic_motion_ros.motion.worker import DETOUR_DELAY, Job, Worker
 from geodesic_motion_ros.obstacles.obstacles import Obstacles
 from geodesic_motion_ros.planning.situation import Situation
@@ -97,8 +97,12 @@ class MotionFilter(StreamingPlanner[FilteredArm]):
         self._active: Offer | None = None
         self._recovers = recover == "detour"
         self._worker = detours or Worker(DETOUR_DELAY)
-        # Since when the arm has had no free motion [s], and the detour that was searched last.
+        # The last attempt to play the active offer, and why it failed.
+        self._attempted: tuple[PastSearch, Refusal] | None = None
+        # Since when the arm has had no free motion [s], the detour that was searched last, and the offer that the arm
+        # passes around.
         self._blocked_since = math.inf
+        self._passed: Offer | None = None
         self._detour: tuple[Question, Job[Detour | Refusal]] | None = None
 
     # ---------------------------------------------------------------- inputs
@@ -171,10 +175,18 @@ class MotionFilter(StreamingPlanner[FilteredArm]):
     # ------------------------------------------------------------------ ticks
 
     def _decide(self, situation: Situation) -> Plan:
-        before, newest = self._active, self._newest
+        before, newest = (self._active, self._attempted), self._newest
         if newest is not None and (newest.begin is None or situation.state.time >= newest.begin - TIME_ROUNDING):
-            self._active = newest
+            waits = newest.ends_in_motion and self._passes_around(situation)
+            self._active = self._active if waits else newest
         return self._commit_step(situation, self._step(situation), before)
+
+    def _passes_around(self, situation: Situation) -> bool:
+        """Whether the arm follows a detour: chunks of a stream, which may know nothing of what it passes, wait."""
+        followed = situation.followed
+        if self._passed is None or followed is None or situation.at_rest:
+            return False
+        return followed.query is self._passed and followed.purpose is Purpose.GOAL
 
     def _step(self, situation: Situation) -> Step:
         """What is played from now on."""
@@ -187,32 +199,38 @@ class MotionFilter(StreamingPlanner[FilteredArm]):
             return situation.begin_stop(Refusal(VerdictCode.NO_GOAL, "no trajectory has been given"))
         if situation.exceeds_limits and (slowed := situation.slowed()) is not None:
             return slowed
-        if followed is None or followed.query is not offer:
+        follows = followed is not None and followed.query is offer
+        stops = followed is None or followed.purpose is Purpose.STOP
+        clearance = situation.remaining_clearance() if follows and not stops else None
+        if follows and followed is not None:
+            assert situation.state.latent is not None
+            progress = float(situation.state.latent[0])
+            verdict = followed.verdict if clearance is None else followed.verdict.with_figures(clearance=clearance)
+            if situation.at_rest and progress >= offer.duration - 1e-6:
+                return situation.go_on(Verdict(reason="the trajectory has been played", figures=verdict.figures))
+            if clearance is not None and followed.purpose is Purpose.GOAL:
+                return situation.go_on(verdict)
+        else:
             state = situation.state
             progress = self._joined_at(offer, state.position, state.velocity, state.time)
-            return self._attempt(situation, offer, progress)
-        clearance = situation.remaining_clearance() if followed.purpose is not Purpose.STOP else None
-        assert situation.state.latent is not None
-        progress = float(situation.state.latent[0])
-        verdict = followed.verdict if clearance is None else followed.verdict.with_figures(clearance=clearance)
-        if situation.at_rest and progress >= offer.duration - 1e-6:
-            return situation.go_on(Verdict(reason="the trajectory has been played", figures=verdict.figures))
-        if clearance is not None and followed.purpose is Purpose.GOAL:
-            return situation.go_on(verdict)
         around = self._around(situation, offer, progress)
         if around is not None:
             return around
-        due = followed.is_due(situation.obstacles, situation.now)
-        if not due and (clearance is not None or followed.purpose is Purpose.STOP):
-            return situation.go_on(followed.verdict)
-        return self._attempt(situation, offer, progress, goes_on=clearance is not None)
+        question = Question(offer, situation.obstacles, situation.state.position if situation.at_rest else None)
+        tried, safe = self._attempted, clearance is not None or stops or situation.at_rest
+        if tried is not None and safe and not is_due(tried[0], question, situation.now, SEARCH_PERIOD):
+            return situation.go_on(tried[1])
+        step = self._attempt(situation, offer, progress, goes_on=clearance is not None)
+        verdict = step.plan.verdict
+        self._attempted = (PastSearch(question, situation.now), verdict) if isinstance(verdict, Refusal) else None
+        return step
 
     def _attempt(self, situation: Situation, offer: Offer, progress: float, goes_on: bool = False) -> Step:
         """Play the rest of an offer from a time [s] of it on, or the longest part that is free.
 
         goes_on : what is being played, of the same offer, is free.
         """
-        solver, followed = self._arm.solver, situation.followed
+        solver = self._arm.solver
         reference = solver.motion(offer, situation.state, progress)
         if reference is None:
             reason = "stopping first: the trajectory turns off the present motion, or leaves the limits"
@@ -232,9 +250,8 @@ class MotionFilter(StreamingPlanner[FilteredArm]):
             if part is not None and part.reference is not None and (brakes or _end(part.reference) > reached + _GAIN):
                 begun = FollowedPlan.of(offer, part, situation.obstacles, situation.now, Purpose.APPROACH)
                 return situation.hand_out(part, begun)
-        if goes_on and followed is not None:
-            search = PastSearch(Question(offer, situation.obstacles), situation.now)
-            return situation.go_on(refusal, replace(followed, verdict=refusal, last_search=search))
+        if goes_on:
+            return situation.go_on(refusal)
         return situation.begin_stop(refusal)
 
     def _free_part(
@@ -262,7 +279,10 @@ class MotionFilter(StreamingPlanner[FilteredArm]):
             return None
         state, now = situation.state, situation.now
         self._blocked_since = min(self._blocked_since, now)
-        question = Question(offer, situation.obstacles, state.position, self._reach)
+        # From one place a stream offers the same again and again.
+        searched = None if self._detour is None else self._detour[0].about
+        about = searched if isinstance(searched, Offer) and searched.ends_like(offer) else offer
+        question = Question(about, situation.obstacles, state.position, self._reach)
         if self._detour is not None and self._detour[0].holds_there(question):
             asked, job = self._detour
             if not job.is_done(now):
@@ -270,9 +290,10 @@ class MotionFilter(StreamingPlanner[FilteredArm]):
             if isinstance(job.result, Detour):
                 plan = DetourFinder(self._arm.solver).plan(job.result, state, situation.expected_obstacles)
                 plan = situation.require_a_stop(plan)
-                if plan.trajectory is not None:
-                    self._detour = None
-                    return situation.hand_out(plan, FollowedPlan.of(offer, plan, situation.obstacles, now))
+                if plan.trajectory is not None and isinstance(job.result.query, RestOfOffer):
+                    self._detour, self._active = None, job.result.query.offer
+                    self._passed = self._active
+                    return situation.hand_out(plan, FollowedPlan.of(self._active, plan, situation.obstacles, now))
             if asked.holds_for(question):
                 return None
         since = min(self._blocked_since, situation.unchanged_since)
@@ -284,21 +305,22 @@ class MotionFilter(StreamingPlanner[FilteredArm]):
         return None
 
     def _stop(self, situation: Situation, verdict: Refusal) -> Plan:
-        return self._commit_step(situation, situation.begin_stop(verdict), self._active)
+        return self._commit_step(situation, situation.begin_stop(verdict), (self._active, self._attempted))
 
     # ------------------------------------------------- what depends on where the arm is
 
     def _take_aim_back(self, aim: Any) -> None:
-        self._active = aim
+        self._active, self._attempted = aim
 
     def _stands_anew(self) -> None:
         self.clear_goal()
+        self._blocked_since = math.inf
 
     def _prepared_arm(self, arm: FilteredArm, holds_others: bool) -> PreparedArm[FilteredArm]:
         return PreparedArm(arm, None, None)
 
     def _arm_taken(self, prepared: PreparedArm[FilteredArm]) -> None:
-        return None
+        self._attempted = None
 
 
 def _end(reference: JointReference) -> float:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -23,6 +24,9 @@ JUMP_FACTOR = 2.0
 LARGEST_JUMP = 0.3
 #: An offer that begins so much later [s] is of another clock.
 LATEST_BEGIN = 60.0
+#: A chunk whose joints are all slower than this at its end [rad/s] ends at rest. Two that end nearer to each other than
+#: this [rad] lead to the same place. Beyond its end a chunk is taken to go on by up to so much of a joint [rad].
+ENDS_AT_REST, SAME_END, CONTINUED = 0.02, 0.1, 2.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,6 +69,45 @@ class Offer:
     def round_frame(self) -> RoundFrame | None:
         """An offer has no rounds."""
         return None
+
+    @property
+    def end_velocity(self) -> np.ndarray:
+        """The velocity (eta,) [rad/s] with which it comes to its last point."""
+        if self.velocities is not None:
+            return self.velocities[-1]
+        if len(self.times) < 2:
+            return np.zeros(self.positions.shape[1])
+        return (self.positions[-1] - self.positions[-2]) / (self.times[-1] - self.times[-2])
+
+    @property
+    def ends_in_motion(self) -> bool:
+        """Whether it is a chunk, which others will continue."""
+        return bool(np.max(np.abs(self.end_velocity)) > ENDS_AT_REST)
+
+    def ends_like(self, other: Offer) -> bool:
+        """Whether another one leads to about the same place."""
+        return bool(np.max(np.abs(self.positions[-1] - other.positions[-1])) <= SAME_END)
+
+    def continued(self, limits: JointLimits) -> Offer:
+        """Return it with what follows, if the arm goes on as it moves at the end: straight on by up to `CONTINUED`, as
+        far as the limits of positions allow.
+        """
+        velocity = self.end_velocity
+        if not self.ends_in_motion:
+            return self
+        passed = np.arange(1, math.ceil(CONTINUED / np.max(np.abs(velocity)) / PERIOD) + 1) * PERIOD
+        beyond = self.positions[-1] + passed[:, None] * velocity
+        inside = np.logical_and.accumulate(np.all((beyond >= limits.lower) & (beyond <= limits.upper), axis=1))
+        times, positions = self.points
+        return Offer(
+            np.append(times, times[-1] + passed[inside]), np.concatenate([positions, beyond[inside]]), begin=self.begin
+        )
+
+    def until(self, time: float) -> Offer:
+        """Return it as far as its last point at or before a time [s]."""
+        times, positions = self.points
+        kept = times <= time
+        return Offer(times[kept], positions[kept], begin=self.begin)
 
     @cached_property
     def points(self) -> tuple[np.ndarray, np.ndarray]:

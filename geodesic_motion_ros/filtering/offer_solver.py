@@ -12,6 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from geodesic_motion_ros.certification.arm_clearance import obstacle_clearance
 from geodesic_motion_ros.certification.declared_scene import DeclaredScene
 from geodesic_motion_ros.contract.settings import PlannerSettings
 from geodesic_motion_ros.contract.status import Figures, Refusal, Verdict, VerdictCode
@@ -22,7 +23,7 @@ from geodesic_motion_ros.motion.motion_judge import MotionJudge, changed_limits
 from geodesic_motion_ros.motion.path_timer import JointCurve
 from geodesic_motion_ros.motion.plan import MotionState, Plan
 from geodesic_motion_ros.obstacles.obstacles import Obstacles
-from geodesic_motion_ros.robot.collision_model import CollisionModel
+from geodesic_motion_ros.robot.collision_model import CollisionModel, self_clearance
 from geodesic_motion_ros.robot.held_objects import HeldObject
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.robot.limits import JointLimits
@@ -42,6 +43,8 @@ _LEAD = 0.05
 _JOINING, _JOINING_SHARE = 0.2, 4.0
 #: A detour leaves an offer as if it had been demonstrated this widely [m].
 SPREAD = 0.05
+#: A detour ends beyond a chunk where the arm is this far [m] from what it passes.
+FREE_PLACE = 0.02
 #: An arm is on time where it is nearer than this [rad] to where it is to be.
 _ON_TIME = 2e-3
 #: The longest free part of a motion is found up to this time [s].
@@ -129,17 +132,34 @@ class OfferSolver(MotionJudge):
         """Return the cheapest detour beside the rest of an offer, from where the arm rests to its end; or why there is
         none. It leaves the offer as if demonstrations of it differed by `SPREAD`.
 
+        The end of a chunk may be covered: then to the first place beyond that is free, if the chunk goes on as it ends.
+
         position : (eta,) of the arm [rad]. progress : the time [s] of the offer that it has come to. reach : how far
         the tool may leave it [m].
         """
-        times, positions = offer.points
-        ahead = times > progress + _SHORTEST_STEP
-        if not np.any(ahead):
+        if offer.duration <= progress + _SHORTEST_STEP:
             return Refusal(VerdictCode.NO_FEASIBLE_PATH, "the trajectory is over")
+        rest = self._until_free(offer, obstacles)
+        times, positions = rest.points
+        ahead = times > progress + _SHORTEST_STEP
         path, at = np.concatenate([position[None], positions[ahead]]), np.append(progress, times[ahead])
         covariances = np.repeat(SPREAD**2 * np.eye(3)[None], len(path), axis=0)
         frame = DetourFrame.of_base_path(self.robot, path, at[:, None], covariances)
-        return DetourFinder(self).find_beside(frame, RestOfOffer(position, path[-1]), obstacles, reach)
+        return DetourFinder(self).find_beside(frame, RestOfOffer(position, path[-1], rest), obstacles, reach)
+
+    def _until_free(self, offer: Offer, obstacles: Obstacles) -> Offer:
+        """An offer, and what follows it up to the first place where the arm keeps `FREE_PLACE`; the offer alone where
+        its end is such a place, or none is.
+        """
+        swept = obstacles.swept(self.requirements.detour.horizon).beside(self.scene.solids)
+        continued = offer.continued(self.limits)
+        for time, position in zip(*continued.points, strict=True):
+            if time < offer.duration - _SHORTEST_STEP:
+                continue
+            clear = obstacle_clearance(self.collision, self.robot, position, swept)[0] >= FREE_PLACE
+            if clear and self_clearance(self.collision, self.robot, position)[0] > 0.0:
+                return offer if time <= offer.duration else continued.until(time)
+        return offer
 
 
 def _rest(
@@ -157,10 +177,11 @@ def _rest(
 
 @dataclass(frozen=True)
 class RestOfOffer:
-    """The configurations (eta,) [rad] between which the rest of an offer leads."""
+    """The configurations (eta,) [rad] between which the rest of an offer leads, which may be continued."""
 
     start: np.ndarray
     goal: np.ndarray
+    offer: Offer
 
     @property
     def misfits(self) -> Figures:

@@ -275,3 +275,29 @@ def test_no_trajectory_whatever_is_in_it_breaks_a_limit_or_raises(filtering: Fil
 def test_a_detour_needs_to_know_what_stands_around_the_arm() -> None:
     with pytest.raises(ParameterError, match="declare what stands around the arm"):
         MotionFilter("panda", recover="detour")
+
+
+@pytest.mark.parametrize("recover", ["detour", "wait"])
+def test_a_stream_of_chunks_is_passed_around_what_covers_their_ends(
+    least_clearance: Callable[..., float], recover: Recovery
+) -> None:
+    """Each leads on by half a second from where the arm is, into the sphere, as of one who does not look."""
+    filtering = Filtering(MotionFilter("panda", DeclaredScene.empty(), recover=recover))
+    filtering.filter.stand_at(BEGIN, 0.0)
+    place = halfway(filtering)
+    filtering.filter.observe(Obstacles.of_spheres(place[None], np.array([0.03])))
+    ahead = np.arange(16) / 30.0
+
+    def send(now: float) -> None:
+        if round(now * 100) % 25 == 0:
+            here = filtering.filter.commanded_state(now)[0]
+            share = np.clip((here - BEGIN) @ MOVED / (MOVED @ MOVED) + 0.3 * ahead, 0.0, 1.0)[:, None]
+            # Beside the straight line it comes back to that.
+            beside = (here - BEGIN - share[0] * MOVED) * (1.0 - ahead / ahead[-1])[:, None]
+            filtering.filter.offer(ahead, BEGIN + share * MOVED + beside, begin=now)
+
+    filtering.run(filtering.filter.settings.patience + 12.0, send)
+    arrived = np.allclose(filtering.positions[-1], BEGIN + MOVED, atol=1e-3)
+    assert arrived == (recover == "detour")
+    assert least_clearance(filtering.positions, lambda _: place, 0.03) > 0.0
+    assert keeps_limits(filtering)
