@@ -3,7 +3,7 @@
 SHELL := /bin/bash
 .SHELLFLAGS := -euo pipefail -c
 .DEFAULT_GOAL := help
-.PHONY: help demo test test-all lint setup robot-server clean distclean
+.PHONY: help demo test test-all lint setup robot-server view clean distclean
 
 # Python for a new .venv: the first of these that is there, in a version that fits, with what the set-up needs.
 PYTHON ?= python3.11 python3.12 python3.10 python3
@@ -16,6 +16,7 @@ pytest := ROS_AUTOMATIC_DISCOVERY_RANGE=LOCALHOST ROS_PYTHON_CHECK_FIELDS=1 MPLB
 	OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 MKL_NUM_THREADS=1 $(python) -m pytest $(workers) --durations=10
 ready := .venv/.ready
 robot_server := .venv-robot-server/.ready
+view := .venv/.view
 # numba compiles a kernel anew when its own file changes, not when that of a kernel it calls does.
 kernels := .venv/.kernels
 sources := $(shell grep -rl numba geodesic_motion_ros studies/geodesic_motion_studies --include='*.py')
@@ -34,15 +35,16 @@ help: ## this list
 	@echo "  make demo ARGS=--gui        opens PyBullet's window"
 	@echo "  make demo ARGS='--skill panda_pouring'   the hand around the obstacle; ur5_reach: on a UR5"
 	@echo "  make demo ARGS='--robot-server'   a simulated FR3 over Franka's own protocol, with all its reflexes"
+	@echo "  make demo ARGS=--view       a page in the browser: drag obstacles into the path of the moving arm"
 	@echo "  make test ARGS='-k skill'   some of the tests"
 	@echo "  make test ARGS='-n 0'       one at a time, as --pdb needs it"
 	@echo "  make PYTHON=python3.10 ...  the Python of a new .venv (3.10, 3.11 or 3.12)"
 
-demo: $(kernels) $(if $(findstring --robot-server,$(ARGS)),$(robot_server)) ## a Panda takes its elbow out of a moving obstacle's path: two minutes, headless; pictures in out/demo
+demo: $(kernels) $(if $(findstring --robot-server,$(ARGS)),$(robot_server)) $(if $(findstring --view,$(ARGS)),$(view)) ## a Panda takes its elbow out of a moving obstacle's path: two minutes, headless; pictures in out/demo
 	@MPLBACKEND=Agg $(python) -m geodesic_motion_ros demo $(ARGS) < /dev/null
 
 # Three on two cores: many tests wait. A worker of the studies may take 6 GB.
-test: lint $(kernels) ## ruff and mypy, then the tests of the product, three at a time
+test: lint $(kernels) $(view) ## ruff and mypy, then the tests of the product, three at a time
 	@$(pytest) --numprocesses=3 $(ARGS) < /dev/null
 
 test-all: test $(robot_server) ## these, then the tests of the studies and the whole demos
@@ -56,6 +58,8 @@ setup: $(kernels) ## .venv with the pinned requirements, kernels compiled, large
 
 robot-server: $(robot_server) ## .venv-robot-server: a simulated FR3 behind Franka's own protocol, for demo and test-all
 
+view: $(view) ## the page in the browser into .venv, for geodesic-motion view, demo and the tests of it
+
 clean: ## removes out/ and what builds and tools leave behind
 	rm -rf out build install log studies/build .pytest_cache .ruff_cache .mypy_cache .hypothesis
 	@find . -path './.venv*' -prune -o -name __pycache__ -type d -prune -exec rm -rf {} +
@@ -68,6 +72,10 @@ $(ready): requirements.txt setup.py studies/setup.py
 
 $(robot_server): $(ready) requirements-robot-server.txt requirements-franka.txt .ci/robot_server
 	@.ci/robot_server < /dev/null
+
+$(view): $(ready) requirements-view.txt
+	@$(python) -m pip install --disable-pip-version-check --quiet --no-deps -r requirements-view.txt < /dev/null
+	@touch $@
 
 $(kernels): $(ready) $(sources)
 	@find geodesic_motion_ros studies/geodesic_motion_studies -name '*.nb[ic]' -delete

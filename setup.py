@@ -7,7 +7,7 @@ from setuptools import find_packages, setup
 NAME = "geodesic_motion_ros"
 #: The programs that `ros2 run` starts, and the folders where they begin.
 EXECUTABLES = {
-    **dict.fromkeys(("planner", "filter", "twin", "record", "franka"), "nodes"),
+    **dict.fromkeys(("planner", "filter", "twin", "record", "franka", "view"), "nodes"),
     "paper_planner": "paper", "demo": "demo",
 }  # fmt: skip
 SHARE = Path("share") / NAME
@@ -44,7 +44,6 @@ setup(
         "pillow",
         "pycollada",  # lets trimesh read .dae
         "PyYAML",
-        "rich",
         "rosbags",  # reads bags of ROS 1 and ROS 2 without either, where people record and train
         "safetensors",
         "scipy",
@@ -57,6 +56,7 @@ setup(
         "learn": ["torch", "pytorch_kinematics"],
         "simulation": ["pybullet"],
         "franka": ["pylibfranka"],
+        "view": ["viser"],  # the page in the browser: meshes, status and what is dragged in one pip install
         "test": ["hypothesis", "mpmath", "mypy", "pytest", "pytest-xdist", "ruff"],
     },
     data_files=[

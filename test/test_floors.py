@@ -32,7 +32,7 @@ FLOORS = (
     {"motion"},
     {"planning", "demonstrations"},
     {"filtering"},
-    {"kernels", "simulation", "visualization", "learning", "hardware"},
+    {"kernels", "simulation", "visualization", "learning", "hardware", "view"},
     {"nodes"},
     {"demo", "paper"},
     {"cli"},

@@ -19,8 +19,8 @@ import pytest
 REPOSITORY = Path(__file__).resolve().parents[1]
 PACKAGE = "geodesic_motion_ros"
 SOURCE = REPOSITORY / PACKAGE
-EXECUTABLES = ("planner", "filter", "twin", "record", "franka", "paper_planner", "demo")
-REQUIREMENTS = [f"requirements{part}.txt" for part in ("", "-benchmark", "-franka", "-robot-server")]
+EXECUTABLES = ("planner", "filter", "twin", "record", "franka", "view", "paper_planner", "demo")
+REQUIREMENTS = [f"requirements{part}.txt" for part in ("", "-benchmark", "-franka", "-robot-server", "-view")]
 NOT_SOURCE = shutil.ignore_patterns(
     ".git", ".venv*", ".*_cache", ".hypothesis", "__pycache__", "*.egg-info", "build", "install", "log", "out"
 )

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from importlib.metadata import entry_points
 from typing import Protocol
 
-from geodesic_motion_ros.cli import demo, demonstrate, goal, guide, inspect, robot, train
+from geodesic_motion_ros.cli import demo, demonstrate, goal, guide, inspect, robot, train, view
 from geodesic_motion_ros.cli.arguments import HelpFormatter, needing
 from geodesic_motion_ros.kernels.compile_ahead import compile_kernels
 from geodesic_motion_ros.utils.errors import GeodesicMotionError, ParameterError
@@ -23,7 +23,7 @@ _DESCRIPTION = """\
 Reactive robot motion learned from demonstrations: a skill is a latent space whose shortest paths are the motion.
 
 From first to last: record a few demonstrations, or let a simulated arm `demonstrate` or `guide` it; `train` a skill on
-them, look at it with `inspect`, and run `demo` to see an arm do it around an obstacle.
+them, look at it with `inspect`, and run `demo` to see an arm do it around an obstacle; `view` shows it in the browser.
 """
 _EPILOG = """\
 examples:
@@ -64,7 +64,7 @@ class CommandSet:
 PRODUCT = CommandSet(
     {
         "demonstrate": demonstrate, "guide": guide, "train": train, "inspect": inspect, "demo": demo, "goal": goal,
-        "robot": robot,
+        "robot": robot, "view": view,
     },
     (
         "demonstrate reach-to-grasp --out reach.npz",
@@ -72,6 +72,7 @@ PRODUCT = CommandSet(
         "inspect skills/pouring",
         "demo",
         "goal skills/pouring",
+        "view --control",
     ),
 )  # fmt: skip
 

@@ -9,7 +9,7 @@ from geodesic_motion_ros.cli.arguments import HelpFormatter, needing
 _DESCRIPTION = """\
 A simulated arm does a shipped skill three times over real ROS 2: without an obstacle, with one that moves into the
 elbow's or the hand's path and avoidance off, and with the same one and avoidance on. Prints a table; pictures and
-summary.json go to out/demo.
+summary.json go to out/demo. With --view it shows the arm in the browser, for obstacles that are dragged by the mouse.
 """
 
 

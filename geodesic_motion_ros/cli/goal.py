@@ -5,7 +5,6 @@ from __future__ import annotations
 import argparse
 
 from geodesic_motion_ros.cli.arguments import HelpFormatter, needing, seconds
-from geodesic_motion_ros.utils.errors import ParameterError
 
 _DESCRIPTION = """\
 Sends the goal of a skill to a planner, once, and says what becomes of it: accepted, moving, arrived. It waits for a
@@ -52,24 +51,11 @@ def add_command(commands: argparse._SubParsersAction) -> None:
 
 def run(arguments: argparse.Namespace) -> None:
     """Print the command, send the goal, print what becomes of it."""
-    from geodesic_motion_ros.robot.kinematics import Robot
     from geodesic_motion_ros.skill.skill import Skill
 
     with needing("a goal needs", "source your ROS 2"):
-        from geodesic_motion_ros.nodes.goal_sender import Goal, JointGoal, PoseGoal, send_goal
-    skill = Skill.load(arguments.skill)
-    robot = Robot.named(skill.robot)
-    if skill.space == "task" or robot.takes_poses:
-        pose = skill.goal_pose.copy()
-        pose[:3] += arguments.move
-        goal: Goal = PoseGoal(pose, arguments.joint_prefix + skill.base_frame)
-    elif any(arguments.move):
-        raise ParameterError(
-            f"--move is of a pose, and an arm of {len(robot.joint_names)} joints takes configurations: leave it out"
-        )
-    else:
-        names = [arguments.joint_prefix + name for name in robot.joint_names]
-        goal = JointGoal(names, skill.mean_configuration("goal"))
+        from geodesic_motion_ros.nodes.goal_sender import goal_of_skill, send_goal
+    goal = goal_of_skill(Skill.load(arguments.skill), arguments.joint_prefix, arguments.move)
 
     def show(line: str) -> None:
         print(line, flush=True)

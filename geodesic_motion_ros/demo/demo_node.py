@@ -34,6 +34,7 @@ from geodesic_motion_ros.demo.demo_run import (
     termination_as_interrupt,
 )
 from geodesic_motion_ros.demo.demo_scene import DEFAULTS, DemoScene
+from geodesic_motion_ros.demo.demo_view import show
 from geodesic_motion_ros.demo.elbow_scene import ElbowScene
 from geodesic_motion_ros.demo.hand_scene import HandScene
 from geodesic_motion_ros.demo.joint_scene import JointScene
@@ -93,7 +94,7 @@ class Demo:
         loaded = Skill.load(skill)
         if served:
             check_server(FOLDER, loaded)
-        self._declared = declared or ("" if loaded.scene is not None else SCENE)
+        self._declared = scene_around(loaded, declared)
         self._skill, self._out, self._gui, self._domain, self._served = skill, out, gui, domain, served
         around = DeclaredScene.from_name(self._declared) or DeclaredScene.of_skill(loaded)
         try:
@@ -142,6 +143,13 @@ class Demo:
             "latent_view_rate": 0.0,
             **self.scene.patience,
         }
+
+
+def scene_around(skill: Skill, declared: str) -> str:
+    """Return the parameter `scene` of the nodes: as declared; where that is empty what the skill was recorded in, or
+    `SCENE` where it does not say.
+    """
+    return declared or ("" if skill.scene is not None else SCENE)
 
 
 def scene_of(skill: Skill, declared: DeclaredScene | None) -> DemoScene:
@@ -318,13 +326,16 @@ def main(args: Sequence[str] | None = None) -> int:
     options = parsed(args)
     try:
         with termination_as_interrupt():
+            if options.view:
+                declared = scene_around(Skill.load(options.skill), options.scene)
+                show(options.skill, declared, options.out, options.domain)
             return perform(
                 options.skill, options.scene, options.out, options.gui, options.domain, not options.no_pictures,
                 options.robot_server,
             )  # fmt: skip
     except KeyboardInterrupt:
         print("interrupted; planner and twin are stopped", file=sys.stderr)
-        return 130
+        return 0 if options.view else 130
     except GeodesicMotionError as error:
         print(f"demo: {error}", file=sys.stderr)
         return 1 if isinstance(error, DemoError) else 2

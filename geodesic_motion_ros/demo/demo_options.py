@@ -25,7 +25,8 @@ With a whole-arm skill whose demonstrations have the elbow on either side the sp
 to, far from the hand, and the arm takes its elbow to the other side; with every other skill the sphere goes into the
 path of the hand. It begins clear of the arm: a skill for which there is no such sphere is refused, and nothing starts.
 
-It takes about a minute and ends by itself; Ctrl-C ends it and its processes earlier."""
+It takes about a minute and ends by itself; Ctrl-C ends it and its processes earlier. With --view it goes on in the
+browser until then."""
 
 _EPILOG = """\
 what it writes to the folder OUT:
@@ -50,7 +51,10 @@ def parsed(arguments: Sequence[str] | None) -> argparse.Namespace:
     """The options of a command line (without the program), of this process where it is None; as argparse, SystemExit
     where it has answered."""
     given = remove_ros_args(args=list(sys.argv if arguments is None else ["demo", *arguments]))[1:]
-    options = _parser().parse_args(given)
+    parser = _parser()
+    options = parser.parse_args(given)
+    if options.view and options.robot_server:
+        parser.error("--view shows the twin: leave out --robot-server")
     options.skill = options.skill or (SERVED_SKILL if options.robot_server else SKILL)
     return options
 
@@ -73,6 +77,11 @@ def _parser() -> argparse.ArgumentParser:
         "--scene", default="",
         help="what always stands around the arm, for planner and twin: a file, the name of one in config/scenes, or "
         f"none; without it what the skill was recorded in, and where it does not say {SCENE}",
+    )  # fmt: skip
+    parser.add_argument(
+        "--view", action="store_true",
+        help="in the place of the three runs a page in the browser, until Ctrl-C: the arm moves again and again, and "
+        "what is dragged there with the mouse is an obstacle; `make view` installs it",
     )  # fmt: skip
     parser.add_argument("--gui", action="store_true", help="open PyBullet's window; needs a display")
     parser.add_argument(

@@ -23,6 +23,8 @@ from geodesic_motion_ros.contract.mode import Mode
 from geodesic_motion_ros.contract.status import VerdictCode
 from geodesic_motion_ros.nodes.messages import pose_message, seconds
 from geodesic_motion_ros.nodes.newest_goal import PREPARING
+from geodesic_motion_ros.robot.kinematics import Robot
+from geodesic_motion_ros.skill.skill import Skill
 from geodesic_motion_ros.utils.errors import GeodesicMotionError, ParameterError
 
 #: How long [s] by default a planner is waited for that is not there, and an arm that stands.
@@ -103,6 +105,27 @@ class JointGoal(Goal):
         positions = ", ".join(f"{value:.4f}" for value in self.positions)
         message = f"{{name: [{names}], position: [{positions}]}}"
         return f'ros2 topic pub --once {topic} sensor_msgs/msg/JointState "{message}"'
+
+
+def goal_of_skill(skill: Skill, prefix: str = "", move: Sequence[float] = (0.0, 0.0, 0.0)) -> Goal:
+    """Return the goal of a skill as its arm takes it: a pose, or for arms of fewer than six joints a configuration.
+
+    prefix : the parameter joint_prefix of the planner. move : (3,) [m], how far from the skill's goal.
+
+    Raises
+    ------
+    ParameterError : a configuration is to be moved.
+    """
+    robot = Robot.named(skill.robot)
+    if skill.space == "task" or robot.takes_poses:
+        pose = skill.goal_pose.copy()
+        pose[:3] += move
+        return PoseGoal(pose, prefix + skill.base_frame)
+    if any(move):
+        raise ParameterError(
+            f"--move is of a pose, and an arm of {len(robot.joint_names)} joints takes configurations: leave it out"
+        )
+    return JointGoal([prefix + name for name in robot.joint_names], skill.mean_configuration("goal"))
 
 
 @dataclass(frozen=True)

@@ -1,7 +1,8 @@
 """Markers as they come over the wire, without a Python object for each of their fields.
 
 rclpy makes 25 objects of each marker, and holds the interpreter until it has made all of a message: 5 ms and more for
-a hundred, in which the control loop stands still. An obstacle needs a few of their numbers, which are read here. In
+a hundred, in which the control loop stands still. An obstacle, or a picture of one, needs a few of their numbers: they
+are read here. In
 plain CDR (OMG DDS-XTypes 1.3, 7.4.1) numbers lie at multiples of their size from where the message begins, and what has
 no fixed length begins with its length.
 """
@@ -11,6 +12,8 @@ from __future__ import annotations
 import struct
 from typing import NamedTuple
 
+import numpy as np
+
 from geodesic_motion_ros.nodes.messages import MessageRefused
 from geodesic_motion_ros.nodes.trajectory_bytes import ENCAPSULATION
 
@@ -18,6 +21,8 @@ _LENGTH = struct.Struct("=I")
 _STAMP = struct.Struct("=iI")
 _WHICH = struct.Struct("=iii")
 _NUMBERS = struct.Struct("=10d")
+_TINT = struct.Struct("=4f")
+_NO_POINTS = np.zeros((0, 3))
 _POINT, _COLOUR, _TEXTURE_COORDINATES = (3, 8), (4, 4), (2, 4)
 
 
@@ -59,8 +64,19 @@ class Place(NamedTuple):
     orientation: Turn
 
 
+class Tint(NamedTuple):
+    """A std_msgs/ColorRGBA."""
+
+    r: float
+    g: float
+    b: float
+    a: float
+
+
 class SeenMarker(NamedTuple):
-    """The fields of a visualization_msgs/Marker that tell of an obstacle, under the names that it has there."""
+    """The fields of a visualization_msgs/Marker that tell of a body and how it looks, under the names that it has
+    there; points as an array (n, 3) [m].
+    """
 
     header: StampedFrame
     ns: str
@@ -69,7 +85,9 @@ class SeenMarker(NamedTuple):
     action: int
     pose: Place
     scale: Vector
+    color: Tint
     lifetime: Stamp
+    points: np.ndarray
 
 
 def parse_marker(wire: bytes) -> SeenMarker:
@@ -107,14 +125,26 @@ def _marker(data: bytes, at: int) -> tuple[SeenMarker, int]:
     number, kind, action = _WHICH.unpack_from(data, at)
     at = _multiple(at + 12, 8)
     x, y, z, *orientation, length, width, height = _NUMBERS.unpack_from(data, at)
-    # A colour of 16 bytes is of no interest.
+    tint = Tint._make(_TINT.unpack_from(data, at + 80))
     at += 96
     lifetime = Stamp._make(_STAMP.unpack_from(data, at))
-    # Nor is whether it is locked to its frame, one byte.
-    end = _after_looks(data, _multiple(at + 9, 4))
+    # Whether it is locked to its frame, one byte, is of no interest.
+    at = _multiple(at + 9, 4)
+    points, end = _points(data, at), _after_looks(data, at)
     place = Place(Vector(x, y, z), Turn._make(orientation))
     header, scale = StampedFrame(stamp, frame), Vector(length, width, height)
-    return SeenMarker(header, namespace, number, kind, action, place, scale, lifetime), end
+    return SeenMarker(header, namespace, number, kind, action, place, scale, tint, lifetime, points), end
+
+
+def _points(data: bytes, at: int) -> np.ndarray:
+    """The points (n, 3) of a marker that begin at a byte."""
+    (count,) = _LENGTH.unpack_from(data, at)
+    if not count:
+        return _NO_POINTS
+    begin = _multiple(at + 4, 8)
+    if begin + 24 * count > len(data):
+        raise struct.error
+    return np.frombuffer(data, dtype="=f8", count=3 * count, offset=begin).reshape(-1, 3)
 
 
 def _after_looks(data: bytes, at: int) -> int:

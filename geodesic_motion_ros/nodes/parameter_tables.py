@@ -602,6 +602,33 @@ FRANKA = (
     ),
 )
 
+VIEW = (
+    Parameter("planner", "planner", "Name of the node that is shown: planner, or filter"),
+    Parameter("host", "127.0.0.1", "Address that the page is served at; 0.0.0.0 for every machine that finds this one"),
+    Parameter("port", 8080, "Port of the page; where it is taken, the next one that is free; 0: any", "", 0, 65535),
+    Parameter(
+        "control",
+        False,
+        "Whether the page commands: goals, hold, speed, reset, and obstacles that are dragged; false: it shows alone",
+    ),
+    Parameter(
+        "skill",
+        "panda_reach_to_grasp",
+        "With control: whose goal the page sends, a skill folder or the name of a shipped one; empty: it sends none",
+    ),
+    Parameter(
+        "joint_prefix",
+        "",
+        "What the names of joints begin with here, before those of the robot, in goals that are configurations: left_ "
+        "for left_panda_joint1",
+    ),
+    Parameter(
+        "repeat",
+        False,
+        "With control, beside a twin: repeat the motion from the start on, until that is unticked on the page",
+    ),
+)
+
 #: Parameters of the planner that belong to its skill, or to poses as output: a filter has none of these.
 _OF_SKILLS = {
     "skill", "output", "avoid", "tool_spheres", "ambient_strength", "ambient_width_ratio", "ambient_law", "cost_cap",
@@ -666,4 +693,4 @@ FILTER = (
     *(replace(one, **_OF_FILTER.get(one.name, {})) for one in PLANNER if one.name not in _OF_SKILLS),
 )
 
-TABLES = {"planner": PLANNER, "filter": FILTER, "twin": TWIN, "record": RECORD, "franka": FRANKA}
+TABLES = {"planner": PLANNER, "filter": FILTER, "twin": TWIN, "record": RECORD, "franka": FRANKA, "view": VIEW}

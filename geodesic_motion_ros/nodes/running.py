@@ -32,7 +32,7 @@ from geodesic_motion_ros.utils.errors import GeodesicMotionError, ParameterError
 # A Python thread waits this long [s] for another one to let go of the interpreter. The default, 5 ms, is
 # half a control period.
 _SWITCH_INTERVAL = 0.00005
-_NICENESS, _LAST = -10, 19
+_LAST = 19
 
 #: Of timers that go on while a simulation stands.
 STEADY = Clock(clock_type=ClockType.STEADY_TIME)
@@ -41,8 +41,11 @@ STEADY = Clock(clock_type=ClockType.STEADY_TIME)
 class LoopingNode(Node, ABC):
     """A ROS node with threads of its own. `start` begins them, `stop` ends them; an executor spins the callbacks.
 
-    `failure` is set when a thread has died that the node cannot do without.
+    `failure` is set when a thread has died that the node cannot do without. `niceness` is that of its threads, where
+    that is allowed: below 0 they run before whatever else keeps the cores busy.
     """
+
+    niceness = -10
 
     def __init__(self, name: str, **node_options: Any) -> None:
         super().__init__(name, **node_options)
@@ -140,7 +143,7 @@ def _initialise(args: list[str] | None) -> None:
         raise ParameterError(str(error)) from error
 
 
-def go_first() -> None:
+def go_first(niceness: int = LoopingNode.niceness) -> None:
     """Run before whatever else keeps the cores busy, where that is allowed: all threads of this process.
 
     One of low priority that is preempted while it holds a lock would stop the control loop as well: a Python thread the
@@ -150,11 +153,11 @@ def go_first() -> None:
     the group alone: then that of the group is raised too.
     """
     with suppress(OSError):
-        Path("/proc/self/autogroup").write_text(str(_NICENESS))
+        Path("/proc/self/autogroup").write_text(str(niceness))
     with suppress(PermissionError):
         for thread in os.listdir("/proc/self/task"):
             with suppress(ProcessLookupError):
-                os.setpriority(os.PRIO_PROCESS, int(thread), _NICENESS)
+                os.setpriority(os.PRIO_PROCESS, int(thread), niceness)
 
 
 def _share_one_core() -> None:
@@ -172,7 +175,7 @@ def _share_one_core() -> None:
 
 
 def _spin(node: LoopingNode, request: StopRequest) -> None:
-    go_first()
+    go_first(node.niceness)
     sys.setswitchinterval(_SWITCH_INTERVAL)
     # What was built so far lives as long as the process: the collector need not walk through it at every
     # pass.

@@ -1,5 +1,5 @@
-"""The start of the programs `planner`, `filter`, `twin`, `record` and `franka`, and how others of their kind do: light,
-so that --help answers at once, and that Ctrl-C ends them cleanly from the first moment.
+"""The start of the programs `planner`, `filter`, `twin`, `record`, `franka` and `view`, and how others of their kind
+do: light, so that --help answers at once, and that Ctrl-C ends them cleanly from the first moment.
 
 Their libraries take seconds to load, and after an installation half a minute to compile. An interrupt meanwhile would
 surface as a traceback from deep within any of them; until the program's own handling is in place, it ends the process
@@ -42,6 +42,11 @@ def record() -> int:
 def franka() -> int:
     """Drive a Franka Research 3; returns the exit code."""
     return start(f"{__package__}.franka_node", 0, lambda: _answer("franka"))
+
+
+def view() -> int:
+    """Show the arm in the browser; returns the exit code."""
+    return start(f"{__package__}.view_node", 0, lambda: _answer("view"))
 
 
 def _answer(name: str) -> int | None:

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 from rclpy.utilities import remove_ros_args
 
-from geodesic_motion_ros.nodes.parameter_tables import FILTER, FRANKA, PLANNER, RECORD, TWIN
+from geodesic_motion_ros.nodes.parameter_tables import FILTER, FRANKA, PLANNER, RECORD, TWIN, VIEW
 from geodesic_motion_ros.nodes.parameters import Parameter, short_text
 from geodesic_motion_ros.utils.errors import ParameterError
 
@@ -58,6 +58,13 @@ PROGRAMS = {
             "franka.yaml",
             "The driver of a Franka Research 3. Read doc/first_hour.md before it moves an arm.",
             ("franka --ros-args -p address:=172.16.0.2",),
+        ),
+        Program(
+            "view",
+            VIEW,
+            "view.yaml",
+            "A page in the browser: the arm, its path, its obstacles and its status; with control, what commands it.",
+            ("view --ros-args -p control:=true -p skill:=panda_pouring",),
         ),
     )
 }

@@ -96,7 +96,7 @@ def beside_positions(robot: Robot, given: Mapping[str, float] | None = None) -> 
         moves = joint.get("type") in MOVING and name not in robot.joint_names
         if not moves or carrier_of(joint.find("child").get("link"), to_parent, {}, robot) is None:
             continue
-        lower, upper = _range(joint)
+        lower, upper = joint_range(joint)
         positions[name] = given.get(name, min(max(0.0, lower), upper))
         if not lower <= positions[name] <= upper:
             raise RobotError(f"joint '{name}' is to stand at {given[name]:g}: its limits are [{lower:g}, {upper:g}]")
@@ -171,13 +171,13 @@ def carrier_of(
         if joint is None:
             return None
         turned, offset = read_origin(joint, f"joint '{joint.get('name')}'")
-        moved, slid = _displacement(joint, positions.get(joint.get("name"), 0.0))
+        moved, slid = joint_displacement(joint, positions.get(joint.get("name"), 0.0))
         rotation, origin = turned @ moved @ rotation, turned @ (moved @ origin + slid) + offset
         link = joint.find("parent").get("link")
     return link, rotation, origin
 
 
-def _displacement(joint: ElementTree.Element, position: float) -> tuple[np.ndarray, np.ndarray]:
+def joint_displacement(joint: ElementTree.Element, position: float) -> tuple[np.ndarray, np.ndarray]:
     """Rotation (3, 3) and slide (3,) [m] of a joint beside the chain."""
     element = joint.find("axis")
     axis = np.array(read_floats("1 0 0" if element is None else element.get("xyz"), 3, f"axis of {joint.get('name')}"))
@@ -186,7 +186,7 @@ def _displacement(joint: ElementTree.Element, position: float) -> tuple[np.ndarr
     return Rotation.from_rotvec(position * axis).as_matrix(), np.zeros(3)
 
 
-def _range(joint: ElementTree.Element) -> tuple[float, float]:
+def joint_range(joint: ElementTree.Element) -> tuple[float, float]:
     """The limits [rad, m] of a joint; infinite where it has none."""
     limit = joint.find("limit")
     if joint.get("type") == "continuous" or limit is None:

@@ -40,7 +40,7 @@ def plain_urdf(
     """
     root = parse_urdf(_expanded(source, dict(arguments or {}), packages or {}), source)
     for mesh in root.iterfind("link/collision/geometry/mesh"):
-        mesh.set("filename", str(_mesh_path(mesh.get("filename", ""), source, packages or {})))
+        mesh.set("filename", str(mesh_path(mesh.get("filename", ""), source, packages or {})))
     path = folder / f"{source.name.removesuffix('.xacro').removesuffix('.urdf')}.urdf"
     path.write_text(ElementTree.tostring(root, encoding="unicode"))
     return path
@@ -68,7 +68,7 @@ def published_urdf(urdf: Path, prefix: str = "") -> str:
         element.set(key, prefix + element.get(key, ""))
     for mesh in root.iter("mesh"):
         with suppress(RobotError):
-            mesh.set("filename", _mesh_path(mesh.get("filename", ""), urdf, {}).as_uri())
+            mesh.set("filename", mesh_path(mesh.get("filename", ""), urdf, {}).as_uri())
     return ElementTree.tostring(root, encoding="unicode")
 
 
@@ -79,7 +79,7 @@ def _references(root: ElementTree.Element) -> Iterator[tuple[ElementTree.Element
             yield element, key
 
 
-def _mesh_path(name: str, source: Path, packages: Mapping[str, Path]) -> Path:
+def mesh_path(name: str, source: Path, packages: Mapping[str, Path]) -> Path:
     """Absolute path of a mesh: relative to the file that names it, or `package://` in the folder of that package, or
     below any folder around the file, whatever that is called.
 

@@ -47,11 +47,12 @@ def full(random: np.random.Generator) -> Marker:
 def assert_the_same(seen: SeenMarker, sent: Marker) -> None:
     assert seen[1:5] == (sent.ns, sent.id, sent.type, sent.action)
     assert seen.header.frame_id == sent.header.frame_id
-    for name in ("header.stamp", "lifetime", "pose.position", "pose.orientation", "scale"):
+    for name in ("header.stamp", "lifetime", "pose.position", "pose.orientation", "scale", "color"):
         got, given = seen, sent
         for part in name.split("."):
             got, given = getattr(got, part), getattr(given, part)
         assert got._asdict() == {field: getattr(given, field) for field in got._fields}
+    assert seen.points.tolist() == [[point.x, point.y, point.z] for point in sent.points]
 
 
 @pytest.mark.parametrize("seed", range(30))
