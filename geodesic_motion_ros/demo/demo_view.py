@@ -9,8 +9,8 @@ from geodesic_motion_ros.demo.demo_run import Processes, isolated_environment
 
 #: How often the processes are looked at [s].
 _GLANCE = 0.2
-#: What the planner shows, it shows so often [Hz]: a path is to be seen soon after a user has dragged something into it.
-_PATHS, _LATENT_SPACES = 10.0, 4.0
+#: How often the planner shows its path [Hz]: soon after a user has dragged something into it.
+_PATHS = 10.0
 
 
 def show(skill: str, declared: str, out: Path, domain: int) -> None:
@@ -28,10 +28,7 @@ def show(skill: str, declared: str, out: Path, domain: int) -> None:
     with Processes(out / "view", isolated_environment(domain)) as processes:
         print("starting twin, planner and page", flush=True)
         processes.start("twin", {"skill": skill, "scene": declared})
-        processes.start(
-            "planner",
-            {"skill": skill, "scene": declared, "path_rate": _PATHS, "latent_view_rate": _LATENT_SPACES},
-        )
+        processes.start("planner", {"skill": skill, "scene": declared, "path_rate": _PATHS})
         processes.start("view", {"skill": skill, "control": True, "repeat": True})
         while "ready: " not in processes.log("view"):
             processes.check()
