@@ -42,7 +42,7 @@ class FilterInputs(PlannerInputs):
         stamp = seconds(message.header.stamp)
         moment = self.time.read()
         begin = None if stamp == 0.0 else moment.now - moment.transit(stamp)
-        self._set_goal(OfferRequest(read.times, read.positions, read.velocities, begin))
+        self._take(OfferRequest(read.times, read.positions, read.velocities, begin))
 
     def _on_target(self, message: JointState) -> None:
         try:
@@ -50,7 +50,12 @@ class FilterInputs(PlannerInputs):
         except MessageRefused as error:
             self._refuse(TARGET, error)
             raise
-        self._set_goal(OfferRequest(np.zeros(1), target[None]))
+        self._take(OfferRequest(np.zeros(1), target[None]))
+
+    def _take(self, request: OfferRequest) -> None:
+        self._set_goal(request)
+        # It is played from the next cycle on, which need not wait until it is due.
+        self._changed()
 
     def _refuse(self, topic: str, error: MessageRefused) -> None:
         self._set_goal(Refusal(VerdictCode.BAD_INPUT, f"{topic}: {error}"))

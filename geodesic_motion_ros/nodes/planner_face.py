@@ -78,7 +78,7 @@ class PlannerFace:
         died: Callable[[BaseException], None],
         tool_poses: Callable[[object], PoseArrays],
         plan: Callable[[PoseArrays, PoseArrays], tuple[PoseArrays | None, Verdict]] | None,
-        obstacles_changed: Callable[[], None] = lambda: None,
+        changed: Callable[[], None] = lambda: None,
     ) -> None:
         """subject : what is planned with. command_topic, guarded : as of `PlannerOutputs`.
 
@@ -87,12 +87,12 @@ class PlannerFace:
         tool_poses : of a reference: positions (n, 3) [m] and quaternions (n, 4).
         plan : tool poses of a path between two poses under the present obstacles, and the verdict; None: that is no
             service of the node.
-        obstacles_changed : called when something new is known of obstacles, from the thread that heard it.
+        changed : called when something new is known of obstacles, or is offered, from the thread that heard it.
         """
         self._node, self._options, self._tool_poses, self._plan = node, options, tool_poses, plan
         robot = robot.prefixed(options["joint_prefix"])
         armed = options.values.get("armed", True)
-        self.inputs = subject.inputs(node, options, robot, subject.robot, obstacles_changed, armed)
+        self.inputs = subject.inputs(node, options, robot, subject.robot, changed, armed)
         self.outputs = PlannerOutputs(
             node, options["base_frame"], subject.robot, command_topic, guarded, robot.joint_names, self.inputs.time,
             subject.inputs.noun,

@@ -102,15 +102,15 @@ class PlannerInputs:
         parameters: NodeParameters,
         robot: Robot,
         skill_robot: str,
-        obstacles_changed: Callable[[], None],
+        changed: Callable[[], None],
         armed: bool = True,
     ) -> None:
         """robot : its names are those of messages; skill_robot : what the arm is called.
-        obstacles_changed : called when something new is known of obstacles, from the thread that heard it.
+        changed : called when something new is known of obstacles, or is offered, from the thread that heard it.
         armed : as of `Arming`.
         """
         self._node, self._parameters, self._robot = node, parameters, robot
-        self._obstacles_changed = obstacles_changed
+        self._changed = changed
         self._frame: str = parameters["base_frame"]
         self.frames = frames_of(node)
         if parameters["camera_frame"]:
@@ -339,7 +339,7 @@ class PlannerInputs:
         if guard.reason:
             with self._lock:
                 self._tracker.refuse(topic, guard.reason)
-            self._obstacles_changed()
+            self._changed()
 
     def on_joint_states(self, message: bytes) -> None:
         """Take a serialised JointState."""
@@ -405,7 +405,7 @@ class PlannerInputs:
             if refused:
                 self._tracker.refuse("obstacles", refused)
         self._count_overtaken("obstacles", all(taken))
-        self._obstacles_changed()
+        self._changed()
         return [update.key for update in updates if update.action == "put"]
 
     def receive_held(self, message: bytes) -> None:
@@ -427,7 +427,7 @@ class PlannerInputs:
         with self._lock:
             taken = self._apply("obstacle_marker", update, moment.running, moment.transit(update.stamp))
         self._count_overtaken("obstacle_marker", taken)
-        self._obstacles_changed()
+        self._changed()
         return [update.key] if update.action == "put" else []
 
     def _apply(self, source: str, update: MarkerUpdate, now: float, transit: float) -> bool:
@@ -459,7 +459,7 @@ class PlannerInputs:
                 "obstacle_point", ("", 0), centre, radius, moment.running, transit=transit, forget_after=lifetime
             )
         self._count_overtaken("obstacle_point", taken)
-        self._obstacles_changed()
+        self._changed()
 
     def on_cloud(self, message: PointCloud2) -> None:
         """Take a point cloud."""
@@ -539,7 +539,7 @@ class PlannerInputs:
             if taken:
                 self._cloud_figures, self._seen = replace(figures, number=self._cloud_figures.number + 1), seen
         self._count_overtaken("obstacle_cloud", taken)
-        self._obstacles_changed()
+        self._changed()
 
     def _cloud_failed(self, error: BaseException) -> None:
         reason = f"internal error, see the log: {error!r}"

@@ -19,6 +19,7 @@ from geodesic_motion_studies.experiments.study import Report, Study, option
 
 if TYPE_CHECKING:
     from geodesic_motion_studies.rates.camera_stream import BallRow, MinutesRow
+    from geodesic_motion_studies.rates.chunk_time import ChunkRow
     from geodesic_motion_studies.rates.node_rate import RateRow
     from geodesic_motion_studies.rates.reaction_time import ReactionRow
 
@@ -80,6 +81,37 @@ class PaperRate(Study):
         from geodesic_motion_studies.rates import node_rate
 
         return RateReport(node_rate.measure_paper(out / "paper-rate", self.rate, self.seconds))
+
+
+@dataclass(frozen=True)
+class ChunkTimeReport(Report):
+    """Rows of a filter, and of a node that forwards."""
+
+    rows: Sequence[ChunkRow]
+
+    def as_dict(self) -> dict[str, Any]:
+        return {"rows": [asdict(row) for row in self.rows]}
+
+    def table(self) -> str:
+        from geodesic_motion_studies.rates import chunk_time
+
+        return chunk_time.table(list(self.rows))
+
+    def draw(self, path: Path) -> None:
+        """There is none."""
+
+
+@dataclass(frozen=True)
+class ChunkTime(Study):
+    """A filter that chunks are offered to."""
+
+    hertz: float = option(50.0, "chunks a second")
+    chunks: int = option(1000, "that are offered to each node", least=1)
+
+    def measure(self, out: Path) -> ChunkTimeReport:
+        from geodesic_motion_studies.rates import chunk_time
+
+        return ChunkTimeReport(chunk_time.measure_chunks(out / "chunk-time", self.hertz, self.chunks))
 
 
 @dataclass(frozen=True)
