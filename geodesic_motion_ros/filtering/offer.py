@@ -22,6 +22,8 @@ from geodesic_motion_ros.utils.errors import PlanningError
 JUMP_FACTOR = 2.0
 #: An offer that begins farther than this [rad] from where the arm is to be then is a jump as well.
 LARGEST_JUMP = 0.3
+#: An offer that lasts longer [s] is none that a person waits for; what is drawn of it would fill the memory.
+LONGEST = 600.0
 #: An offer that begins so much later [s] is of another clock.
 LATEST_BEGIN = 60.0
 #: A chunk whose joints are all slower than this at its end [rad/s] ends at rest. Two that end nearer to each other than
@@ -167,7 +169,7 @@ def checked_offer(robot: Robot, limits: JointLimits, request: OfferRequest) -> O
     except PlanningError as error:
         return _refused(str(error))
     objection = _shape_objection(at, where, speeds) or _number_objection(robot, at, where, speeds, begin)
-    objection = objection or _limit_objection(robot, limits, at, where)
+    objection = objection or _limit_objection(robot, limits, at, where) or _speed_objection(robot, limits, speeds)
     return _refused(objection) if objection else Offer(at, where, speeds, begin)
 
 
@@ -196,7 +198,7 @@ def _number_objection(
         point = wrong_times[0]
         after = "" if point == 0 else f", not after point {point - 1} at {at[point - 1]:g} s"
         return f"point {point} comes at {at[point]:g} s{after}"
-    return ""
+    return f"the trajectory lasts {at[-1]:.4g} s, at most {LONGEST:g} s may be" if at[-1] > LONGEST else ""
 
 
 def _limit_objection(robot: Robot, limits: JointLimits, at: np.ndarray, where: np.ndarray) -> str:
@@ -216,6 +218,17 @@ def _limit_objection(robot: Robot, limits: JointLimits, at: np.ndarray, where: n
                 f"{speeds[point, joint]:.1f} rad/s, and its limit is {limits.velocity[joint]:.2f}: a jump"
             )
     return ""
+
+
+def _speed_objection(robot: Robot, limits: JointLimits, speeds: np.ndarray | None) -> str:
+    beyond = np.empty((0, 2)) if speeds is None else np.argwhere(np.abs(speeds) > JUMP_FACTOR * limits.velocity)
+    if speeds is None or not len(beyond):
+        return ""
+    point, joint = beyond[0]
+    return (
+        f"point {point}: the velocity of '{robot.joint_names[joint]}' is {speeds[point, joint]:.4g} rad/s, and its "
+        f"limit is {limits.velocity[joint]:.2f}"
+    )
 
 
 def joining_objection(

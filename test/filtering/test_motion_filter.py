@@ -14,6 +14,7 @@ from geodesic_motion_ros.contract.status import VerdictCode
 from geodesic_motion_ros.filtering.motion_filter import MotionFilter, Recovery
 from geodesic_motion_ros.obstacles.obstacles import Obstacles
 from geodesic_motion_ros.utils.errors import ParameterError
+from geodesic_motion_studies.experiments.wild_chunks import offer_wild
 from test.filtering.conftest import BEGIN, DURATION, MOVED, Filtering, offered
 
 #: A sphere halfway along the motion, and how large it is [m].
@@ -226,6 +227,7 @@ POSITIONS = offered(TIMES)[0]
         (TIMES, POSITIONS, np.inf, "the trajectory begins at inf s"),
         (TIMES, changed(POSITIONS, (4, 3), 0.5), None, "point 4 takes 'panda_joint4' to 0.500 rad, beyond its limit"),
         (TIMES, changed(POSITIONS, (4, 0), 0.4), None, "'panda_joint1' would move at"),
+        (1e6 * TIMES, POSITIONS, None, "the trajectory lasts 5e+05 s, at most 600 s may be"),
         (TIMES, POSITIONS + 0.4, None, "from where 'panda_joint"),
         (TIMES, POSITIONS, -1.0, "the trajectory was over 0.50 s ago"),
         (TIMES, POSITIONS, 1e9, "the trajectory begins in"),
@@ -244,32 +246,15 @@ def test_what_is_wrong_with_a_trajectory_is_named_and_the_one_before_goes_on(
     np.testing.assert_allclose(filtering.positions[-1], BEGIN + MOVED, atol=1e-6)
 
 
-def test_no_trajectory_whatever_is_in_it_breaks_a_limit_or_raises(filtering: Filtering) -> None:
-    """300 drawn chunks: noise, jumps, gaps, wrong orders, times in the past, numbers that are none."""
-    random = np.random.default_rng(0)
-    taken = 0
-
-    def send(now: float) -> None:
-        nonlocal taken
-        if random.random() > 0.3:
-            return
-        count = int(random.integers(0, 20))
-        times = np.cumsum(random.exponential(0.05, count))
-        here = filtering.filter.commanded_state(now)[0]
-        positions = here + np.cumsum(random.normal(scale=10.0 ** random.uniform(-4, -0.5), size=(count, 7)), axis=0)
-        kind = random.integers(6)
-        if kind == 0 and count:
-            positions[random.integers(count), random.integers(7)] = random.choice([np.nan, np.inf, -np.inf, 1e300])
-        if kind == 1:
-            random.shuffle(times)
-        begin = None if random.random() < 0.5 else now + random.normal(scale=0.3)
-        taken += filtering.filter.offer(times, positions, begin=begin).ok
-
-    filtering.run(10.0, send)
-    assert taken > 30
-    assert keeps_limits(filtering)
-    limits = filtering.filter.limits
-    assert np.all((filtering.positions >= limits.lower) & (filtering.positions <= limits.upper))
+def test_no_trajectory_whatever_is_in_it_raises_or_breaks_a_limit(motion_filter: MotionFilter) -> None:
+    """Chunks full of nonsense among moving spheres; `geodesic-motion experiment chunks` offers thousands."""
+    wild = offer_wild(motion_filter, np.random.default_rng(1), 400)
+    assert wild.taken > 50
+    assert wild.refused > 200
+    assert wild.motions > 20
+    assert not wild.raised
+    assert not wild.unnamed
+    assert not wild.broken
 
 
 def test_a_detour_needs_to_know_what_stands_around_the_arm() -> None:

@@ -13,11 +13,16 @@ late [ms]  how much later than offered the arm arrived, median and largest
 slow       motions that took longer by more than 2 %, and than a tick of the filter, 10 ms, which shows no less
 stopped    motions in which a tick had another verdict than OK
 
-Under the table: the motions that count in one of these, as they repeat with `--seed`.
+A second table is of chunks full of nonsense, as `wild_chunks` draws them, offered in motion among moving spheres: how
+many were taken and refused, refusals without a name, what was raised, limits that a motion broke and motions that did
+not begin where the arm was, how many motions were handed out, and the largest share of a limit that one of them used.
+
+Under the tables: the motions that count in one of these, as they repeat with `--seed`.
 """
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
@@ -30,6 +35,7 @@ from geodesic_motion_ros.filtering.motion_filter import MotionFilter
 from geodesic_motion_ros.utils.tables import text_table
 from geodesic_motion_studies.experiments.feasible_chunks import ARMS, TICK, DrawnMotions, Played, play
 from geodesic_motion_studies.experiments.study import Report, Study, option
+from geodesic_motion_studies.experiments.wild_chunks import Wild, offer_wild
 
 #: What is off the path [m], and what takes longer by this share.
 OFF, SLOW = 1e-3, 0.02
@@ -41,16 +47,28 @@ class ChunksReport(Report):
 
     seed: int
     played: tuple[Played, ...]
+    wild: Mapping[str, Wild]
 
     def as_dict(self) -> dict[str, Any]:
         return {
             "seed": self.seed,
             "rows": [dict(zip(_HEAD, row, strict=True)) for row in self._rows()],
+            "wild": {arm: asdict(each) for arm, each in self.wild.items()},
             "conspicuous": [asdict(each) for each in self.played if is_conspicuous(each)],
         }
 
     def table(self) -> str:
         lines = [f"seed {self.seed}", text_table(_HEAD, self._rows(), left=(0, 1, 2))]
+        head = ["nonsense", "taken", "refused", "unnamed", "raised", "broken", "motions", "of a limit"]
+        counts = [
+            [
+                arm, each.taken, each.refused, len(each.unnamed), len(each.raised), len(each.broken), each.motions,
+                each.share,
+            ]
+            for arm, each in self.wild.items()
+        ]
+        lines += ["", text_table(head, counts), ""]
+        lines += [f"{arm}: {one}" for arm, each in self.wild.items() for one in _wrong(each)]
         for each in filter(is_conspicuous, self.played):
             drawn = each.drawn
             said = "; ".join(sorted({*each.refused, *each.stops}))
@@ -87,6 +105,10 @@ def is_conspicuous(each: Played) -> bool:
     return bool(each.refused or each.stops or each.path > OFF or is_slow(each))
 
 
+def _wrong(each: Wild) -> list[str]:
+    return [*each.unnamed, *each.raised, *each.broken]
+
+
 def _counted(own: list[Played]) -> list[int | float]:
     path, late = (1e3 * np.array([getattr(each, name) for each in own]) for name in ("path", "late"))
     return [
@@ -101,6 +123,7 @@ class Chunks(Study):
     """So many drawn chunks, of several arms in turn."""
 
     chunks: int = option(1000, "at least, streams and whole motions together", least=1)
+    wild: int = option(1000, "chunks full of nonsense", least=len(ARMS))
     seed: int = option(0, "of what is drawn", least=0)
 
     def measure(self, out: Path) -> ChunksReport:
@@ -114,4 +137,8 @@ class Chunks(Study):
                 arm = ARMS[len(played) % len(ARMS)]
                 played.append(play(filters[arm], next(sources[arm])))
                 bar.update(played[-1].chunks)
-        return ChunksReport(self.seed, tuple(played))
+        wild = {
+            arm: offer_wild(filters[arm], np.random.default_rng([self.seed, place, 1]), self.wild // len(ARMS))
+            for place, arm in enumerate(tqdm(ARMS, desc="nonsense"))
+        }
+        return ChunksReport(self.seed, tuple(played), wild)
