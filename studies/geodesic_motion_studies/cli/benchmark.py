@@ -18,6 +18,9 @@ methods   ours; ours, detour 0 (it waits where obstacles block all that was demo
           demonstration + detour (our detours from other base paths than the skill's geodesic); and peers, which are
           left out where their libraries are not installed, as is ProMP + detour:
           pip install 'geodesic_motion_studies[benchmark]'
+studies   --methods filter names all rows of the study of the motion filter: chunks of a policy that was cloned from the
+          demonstrations, alone, through the filter (it waits, or passes around), braked alone, and among control
+          barriers; and plans of RRT-Connect at 10 Hz, alone and through the filter. They are played by name only
 columns   success: the goal within 10 mm and 0.1 rad, no contact; moving: scenes that ended as the arm touched a sphere
           in motion or within 0.5 s after it, standing: as a sphere touched the arm that had stood for longer; refused:
           ended short of the goal, untouched, with a stated reason; lost: without one, or not there after 15 s;
@@ -76,6 +79,7 @@ examples:
   geodesic-motion benchmark --skill panda_pouring --held-out
   geodesic-motion benchmark --skill panda_pouring --guard arm
   geodesic-motion benchmark --skill panda_pouring --guard arm --methods ours --lag 0.15
+  geodesic-motion benchmark --methods filter --families crossing,gate
   geodesic-motion benchmark --scenes 20 --camera
   geodesic-motion benchmark --scenes 20 --save-scenes out/reach.npz
   geodesic-motion benchmark --scenes-from out/reach.npz --methods ours
