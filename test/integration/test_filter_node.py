@@ -13,6 +13,7 @@ from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 from geodesic_motion_ros.nodes.filter_node import FilterNode
 from geodesic_motion_ros.nodes.twin_node import TwinNode
 from geodesic_motion_ros.robot.kinematics import Robot
+from geodesic_motion_studies.faults.fuzz import OFFERS, Fuzzer
 
 #: Where the arm stands, and where what is offered leads [rad]; how long it takes [s].
 BEGIN = np.array([0.0, -0.5, 0.0, -2.0, 0.0, 1.6, 0.7])
@@ -121,6 +122,22 @@ def test_a_message_that_cannot_be_read_is_refused_by_its_topic_and_counted(arm: 
         assert status(arm)["goal_reason"].startswith(f"~/{topic}: ")
         assert words in status(arm)["goal_reason"]
     assert is_at(arm, BEGIN)
+
+
+def test_messages_full_of_nonsense_are_answered_each_and_a_trajectory_is_played_after_them(arm: Bench) -> None:
+    arm.listen_to_log()
+    fuzzer = Fuzzer(np.random.default_rng(0))
+    for number in range(1, 101):
+        topic = list(OFFERS)[number % 2]
+        message = OFFERS[topic](fuzzer)
+        arm.publisher(type(message), f"filter/{topic}").publish(message)
+        arm.wait(lambda number=number: status(arm)["goal_number"] == str(number), f"an answer to message {number}")
+        assert status(arm)["goal_code"] in ("OK", "BAD_INPUT")
+        assert status(arm)["goal_reason"]
+    assert not arm.logged("internal error")
+    begin = measured(arm)
+    send(arm, begin, begin + 0.1)
+    arm.wait(lambda: is_at(arm, begin + 0.1), "the end of the trajectory")
 
 
 def test_it_stops_before_what_stands_on_the_path_and_goes_on_when_that_is_removed(arm: Bench) -> None:

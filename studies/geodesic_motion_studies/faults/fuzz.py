@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from geometry_msgs.msg import PointStamped, PoseStamped
 from sensor_msgs.msg import JointState, PointCloud2, PointField
+from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 from visualization_msgs.msg import Marker, MarkerArray
 
 from geodesic_motion_ros.nodes.messages import fill_pose
@@ -54,6 +55,20 @@ class Fuzzer:
         message.position, message.velocity = ([self._number() for _ in range(size)] for size in sizes)
         return message
 
+    def trajectory(self) -> JointTrajectory:
+        message = self._header(JointTrajectory())
+        message.joint_names = self.joints().name
+        sizes = [len(message.joint_names) if self._random.uniform() < 0.8 else int(self._random.integers(_MOST))] * 2
+        for _ in range(self._random.integers(_MOST)):
+            point = JointTrajectoryPoint()
+            point.positions, point.velocities = ([self._number() for _ in range(size)] for size in sizes)
+            if self._random.uniform() < 0.7:
+                point.velocities = []
+            point.time_from_start.sec = int(self._one((0, 1, -1, 2**31 - 1)))
+            point.time_from_start.nanosec = int(self._random.integers(10**9))
+            message.points.append(point)
+        return message
+
     def marker(self) -> Marker:
         message = self._header(Marker())
         message.ns, message.id = self._one(("", "a", "ß" * 50)), int(self._one((0, 1, -(2**31), 2**31 - 1)))
@@ -96,4 +111,8 @@ INPUTS: Mapping[str, Callable[[Fuzzer], Any]] = MappingProxyType({
     "joint_states": Fuzzer.joints, "goal_pose": Fuzzer.pose, "goal_joints": Fuzzer.joints, "task_frame": Fuzzer.pose,
     "obstacles": Fuzzer.markers, "obstacle_marker": Fuzzer.marker, "obstacle_point": Fuzzer.point,
     "obstacle_cloud": Fuzzer.cloud,
+})  # fmt: skip
+#: The same of what is offered to a filter.
+OFFERS: Mapping[str, Callable[[Fuzzer], Any]] = MappingProxyType({
+    "joint_trajectory": Fuzzer.trajectory, "joint_target": Fuzzer.joints,
 })  # fmt: skip
