@@ -209,7 +209,8 @@ def _limit_objection(robot: Robot, limits: JointLimits, at: np.ndarray, where: n
         limit = limits.lower[joint] if value < limits.lower[joint] else limits.upper[joint]
         return f"point {point} takes '{robot.joint_names[joint]}' to {value:.3f} rad, beyond its limit of {limit:.3f}"
     if len(at) > 1:
-        speeds = np.abs(np.diff(where, axis=0)) / np.diff(at)[:, None]
+        with np.errstate(over="ignore"):
+            speeds = np.abs(np.diff(where, axis=0)) / np.diff(at)[:, None]
         jumps = np.argwhere(speeds > JUMP_FACTOR * limits.velocity)
         if len(jumps):
             point, joint = jumps[0]

@@ -45,6 +45,9 @@ _JOINING, _JOINING_SHARE = 0.2, 4.0
 SPREAD = 0.05
 #: A detour ends beyond a chunk where the arm is this far [m] from what it passes.
 FREE_PLACE = 0.02
+#: A motion that takes so many times as long as it was offered, and so much longer [s], is none: where points that are
+#: nearly one are far apart in time, it would last for hours.
+_LONGER, _LONGEST_DELAY = 4.0, 20.0
 #: An arm is on time where it is nearer than this [rad] to where it is to be.
 _ON_TIME = 2e-3
 #: The longest free part of a motion is found up to this time [s].
@@ -78,7 +81,10 @@ class OfferSolver(MotionJudge):
             kept = kept_times_reference(passed, path, latent, self.limits, *begun, self.tool)
             if kept is not None:
                 return kept
-        return timed_joint_reference(path, latent, self.limits, *begun, tool=self.tool, shown=passed)
+        longest = _LONGER * float(passed[-1]) + _LONGEST_DELAY
+        return timed_joint_reference(
+            path, latent, self.limits, *begun, tool=self.tool, shown=passed, longest=longest
+        )  # fmt: skip
 
     def certified(self, reference: JointReference, state: MotionState, obstacles: Obstacles) -> Plan:
         """Return the plan of a motion from a state, certified among obstacles; or what its certificate objects to."""
