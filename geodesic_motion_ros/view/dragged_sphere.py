@@ -33,6 +33,10 @@ class DraggedSphere:
         """Where it is (3,) [m]."""
         return np.array(self._gizmo.position)
 
+    @centre.setter
+    def centre(self, centre: np.ndarray) -> None:
+        self._gizmo.position = centre
+
     def remove(self) -> None:
         """Take it from the page."""
         self._gizmo.remove()
@@ -42,7 +46,7 @@ class DraggedSphere:
         pointer = np.array(event.end_position)
         if event.phase == "start":
             self._grip = self.centre - pointer
-        self._gizmo.position = pointer + self._grip
+        self.centre = pointer + self._grip
         self._hide_label()
 
     def _hide_label(self) -> None:

@@ -102,6 +102,11 @@ class Page:
         """Where a browser finds it."""
         return f"http://{self._server.get_host()}:{self._server.get_port()}"
 
+    @property
+    def clients(self) -> list[viser.ClientHandle]:
+        """The browsers that show it, each with its camera."""
+        return list(self._server.get_clients().values())
+
     def stop(self) -> None:
         """End the server."""
         self._server.stop()
@@ -131,6 +136,18 @@ class Page:
         with self._lock:
             requests, self._requests = self._requests, {}
         return requests
+
+    def drag(self, number: int, centre: np.ndarray) -> None:
+        """Drag the sphere of a number to a centre (3,) [m]."""
+        next(one for one in self._spheres if one.number == number).centre = centre
+
+    def remove_sphere(self) -> None:
+        """Remove the newest sphere; harmless where there is none."""
+        if self._spheres:
+            sphere = self._spheres.pop()
+            sphere.remove()
+            with self._lock:
+                self._removed.append(sphere.number)
 
     def press(self, name: str, value: Any = None) -> None:
         """Press what makes a request: see `take_requests`."""
@@ -211,7 +228,7 @@ class Page:
         with gui.add_folder("Obstacles"):
             smallest, largest, first = _RADII
             radius = gui.add_slider("Radius [m]", smallest, largest, 0.005, first, hint="of the next sphere")
-            changes = {"Add a sphere": lambda: self._add_sphere(radius.value), "Remove one": self._remove_sphere}
+            changes = {"Add a sphere": lambda: self._add_sphere(radius.value), "Remove one": self.remove_sphere}
             spheres = gui.add_button_group("Spheres", tuple(changes))
             spheres.on_click(lambda _: changes[spheres.value]())
         self._add_first = lambda: self._add_sphere(first)
@@ -224,13 +241,6 @@ class Page:
         place = _WORK + (np.array(_FIRST) + len(self._spheres) * np.array(_NEXT)) @ axes
         self._spheres.append(DraggedSphere(self._server.scene, self._numbers, self._reach * place, radius))
         self._numbers += 1
-
-    def _remove_sphere(self) -> None:
-        if self._spheres:
-            sphere = self._spheres.pop()
-            sphere.remove()
-            with self._lock:
-                self._removed.append(sphere.number)
 
 
 def _nothing() -> None:
