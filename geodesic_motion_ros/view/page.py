@@ -31,10 +31,10 @@ from geodesic_motion_ros.view.shown_shapes import ShownShapes
 #: How far an arm reaches until its URDF is known [m].
 _REACH = 1.2
 #: Where the camera stands, what it looks at, and the middle of where the arm works, in reaches.
-_CAMERA, _LOOK_AT, _WORK = (1.05, -0.75, 0.72), (0.2, -0.04, 0.3), (0.4, 0.0, 0.3)
+_CAMERA, _LOOK_AT, _WORK = (1.3, -0.95, 0.85), (0.24, 0.0, 0.26), (0.45, -0.05, 0.25)
 #: Where the first sphere is, as the camera sees it, to the right of and above that middle, and each next one from
 #: there, in reaches: as far from the camera as the middle, so that a mouse drags it right there.
-_FIRST, _NEXT = (-0.6, 0.22), (0.0, 0.14)
+_FIRST, _NEXT = (0.25, 0.25), (-0.14, 0.0)
 _FIELD_OF_VIEW = 0.75
 #: Width of the picture of the latent space [pixels].
 _LATENT = 250

@@ -67,17 +67,19 @@ def place_on_the_path(
     skill = planner.skill
     right = np.cross(forward, (0.0, 0.0, 1.0))
     right /= np.linalg.norm(right)
-    across = np.array([[0.04 * i, 0.04 * j] for i in range(3, 20) for j in range(-10, 8)])
+    across = 0.04 * np.array([[i, j] for i in range(-16, 17) for j in range(-14, 9)])
+    places = []
     for place in sphere + across @ np.stack([right, np.cross(right, forward)]):
         line = sphere + np.linspace(0.0, 1.0, 12)[:, None] * (place - sphere)
         near = gaps(planner, motion, place, radius)
         past = min(gaps(planner, motion[:1], point, radius)[0] for point in line)
-        if min(past, near[-1]) < 0.05 or not -0.08 < np.min(near) < -0.02:
-            continue
-        planner.set_obstacles(place[None], np.array([radius]))
-        start, goal = skill.start_pose, skill.goal_pose
-        if planner.plan(start[:3], start[3:], goal[:3], goal[3:]).verdict.ok:
-            return place
+        if -0.1 < np.min(near) < -0.03:
+            places.append((min(past, near[-1]), place.tolist()))
+    start, goal = skill.start_pose, skill.goal_pose
+    for free, place in sorted(places, reverse=True):
+        planner.set_obstacles(np.array([place]), np.array([radius]))
+        if free > 0.04 and planner.plan(start[:3], start[3:], goal[:3], goal[3:]).verdict.ok:
+            return np.array(place)
     raise AssertionError("the camera sees no place on the path that leaves another one")
 
 
