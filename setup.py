@@ -25,7 +25,7 @@ def shared(folder: str, *patterns: str) -> list[tuple[str, list[str]]]:
 
 setup(
     name=NAME,
-    version="0.1.0",
+    version="0.2.0",
     description="Reactive robot motion on learned Riemannian manifolds, for ROS 2",
     author="geodesic_motion_ros maintainers",
     author_email="maintainers@example.org",

@@ -9,7 +9,7 @@ NAME = "geodesic_motion_studies"
 
 setup(
     name=NAME,
-    version="0.1.0",
+    version="0.2.0",
     description="Experiments, comparisons and fault injection for geodesic_motion_ros",
     author="geodesic_motion_ros maintainers",
     author_email="maintainers@example.org",

@@ -15,6 +15,7 @@ from pathlib import Path
 from xml.etree import ElementTree
 
 import pytest
+import yaml
 
 REPOSITORY = Path(__file__).resolve().parents[1]
 PACKAGE = "geodesic_motion_ros"
@@ -229,6 +230,63 @@ def test_requirements_pin_every_declared_dependency(distribution: PathDistributi
     studies = [line for line in requires("geodesic_motion_studies") if not line.startswith(PACKAGE)]
     assert len(studies) > 5
     assert {normal(line) for line in (*distribution.requires, *studies)} <= pinned
+
+
+# ---------------------------------------------------------------- what a forge and its tools read
+
+
+def test_the_changelog_is_one_that_catkin_reads_and_begins_with_this_version(manifest: ElementTree.Element) -> None:
+    text = (REPOSITORY / "CHANGELOG.rst").read_text()
+    title = f"Changelog for package {PACKAGE}"
+    assert text.startswith(f"{'^' * len(title)}\n{title}\n{'^' * len(title)}\n")
+    headings = re.findall(r"^(\d+\.\d+\.\d+) \(\d{4}-\d{2}-\d{2}\)\n-+$", text, re.MULTILINE)
+    assert headings[0] == manifest.findtext("version")
+    links = re.findall(r"<([^>:#]+)(?:#[^>]*)?>`__", text)
+    assert links
+    assert not [link for link in links if not (REPOSITORY / link).is_file()]
+
+
+def test_every_licence_of_others_is_in_reuse() -> None:
+    text = (REPOSITORY / "REUSE.toml").read_text()
+    paths = re.findall(r'^path = "(.+)/\*\*"$', text, re.MULTILINE)
+    assert sorted(paths) == sorted(str(file.parent.relative_to(REPOSITORY)) for file in SOURCE.rglob("NOTICE"))
+
+
+def workflow_steps() -> list[dict[str, str]]:
+    workflow = yaml.safe_load((REPOSITORY / ".github/workflows/ros.yml").read_text())
+    # YAML reads the key `on` as true.
+    assert {"name", True, "jobs"} == workflow.keys()
+    return [step for job in workflow["jobs"].values() for step in job["steps"]]
+
+
+def test_steps_of_the_workflow_name_what_exists() -> None:
+    steps = workflow_steps()
+    assert all(step.keys() <= {"name", "uses", "with", "run"} for step in steps)
+    assert all(len(step.keys() & {"uses", "run"}) == 1 for step in steps)
+    commands = "\n".join(step.get("run", "") for step in steps)
+    targets = set(re.findall(r"^([a-z-]+):", (REPOSITORY / "Makefile").read_text(), re.MULTILINE))
+    started = re.findall(rf"ros2 run {PACKAGE} (\w+)", commands)
+    launched = re.findall(rf"ros2 launch {PACKAGE} (\S+)", commands)
+    tests = re.findall(rf"pytest src/{PACKAGE}/(\S+)", commands)
+    made = re.findall(r"^make (\S+)", commands, re.MULTILINE)
+    assert started
+    assert set(started) <= set(EXECUTABLES)
+    assert launched
+    assert all((REPOSITORY / "launch" / name).is_file() for name in launched)
+    assert tests
+    assert all((REPOSITORY / name).is_file() for name in tests)
+    assert made
+    assert set(made) <= targets
+
+
+def test_the_workflow_installs_what_rosdep_does_not(
+    manifest: ElementTree.Element, distribution: PathDistribution
+) -> None:
+    (installed_there,) = re.findall(r"pip install (.+)", "\n".join(step.get("run", "") for step in workflow_steps()))
+    keys = {element.text.removeprefix("python3-") for element in manifest.findall("exec_depend")}
+    names = {"pillow": "pil", "pyyaml": "yaml"}
+    needed = {line.lower() for line in distribution.requires if "extra ==" not in line}
+    assert {name for name in needed if names.get(name, name) not in keys} == set(installed_there.split()) - {"pytest"}
 
 
 # ---------------------------------------------------------------- imports
