@@ -3,7 +3,7 @@
 SHELL := /bin/bash
 .SHELLFLAGS := -euo pipefail -c
 .DEFAULT_GOAL := help
-.PHONY: help demo test test-all lint setup robot-server view clean distclean
+.PHONY: help demo test test-all lint setup robot-server view doc clean distclean
 
 # Python for a new .venv: the first of these that is there, in a version that fits, with what the set-up needs.
 PYTHON ?= python3.11 python3.12 python3.10 python3
@@ -60,12 +60,20 @@ robot-server: $(robot_server) ## .venv-robot-server: a simulated FR3 behind Fran
 
 view: $(view) ## the page in the browser into .venv, for geodesic-motion view, demo and the tests of it
 
+doc: .venv-doc/.ready ## the pages as a site, in out/doc/doc/index.html; a link that leads nowhere is an error
+	@.venv-doc/bin/python -m sphinx --quiet --fail-on-warning --keep-going -c doc . out/doc
+
+.venv-doc/.ready: requirements-doc.txt
+	@python3 -m venv .venv-doc
+	@.venv-doc/bin/python -m pip install --disable-pip-version-check --quiet --no-deps -r requirements-doc.txt < /dev/null
+	@touch $@
+
 clean: ## removes out/ and what builds and tools leave behind
 	rm -rf out build install log studies/build .pytest_cache .ruff_cache .mypy_cache .hypothesis
 	@find . -path './.venv*' -prune -o -name __pycache__ -type d -prune -exec rm -rf {} +
 
 distclean: clean ## clean, and .venv and .venv-robot-server too
-	rm -rf .venv .venv-robot-server *.egg-info studies/*.egg-info
+	rm -rf .venv .venv-doc .venv-robot-server *.egg-info studies/*.egg-info
 
 $(ready): requirements.txt setup.py studies/setup.py
 	@.ci/setup $(PYTHON) < /dev/null

@@ -21,7 +21,7 @@ REPOSITORY = Path(__file__).resolve().parents[1]
 PACKAGE = "geodesic_motion_ros"
 SOURCE = REPOSITORY / PACKAGE
 EXECUTABLES = ("planner", "filter", "twin", "record", "franka", "view", "paper_planner", "demo")
-REQUIREMENTS = [f"requirements{part}.txt" for part in ("", "-benchmark", "-franka", "-robot-server", "-view")]
+REQUIREMENTS = [f"requirements{part}.txt" for part in ("", "-benchmark", "-doc", "-franka", "-robot-server", "-view")]
 NOT_SOURCE = shutil.ignore_patterns(
     ".git", ".venv*", ".*_cache", ".hypothesis", "__pycache__", "*.egg-info", "build", "install", "log", "out"
 )

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import os
 import re
+import subprocess
 from pathlib import Path
 
 import pytest
@@ -59,7 +61,25 @@ def test_links_to_no_file_and_to_no_section_are_broken(tmp_path):
 
 def test_every_page_is_in_the_index():
     index = (REPOSITORY / "doc" / "README.md").read_text()
-    assert [page.name for page in FRONT[1:] if page.name != "README.md" and f"({page.name})" not in index] == []
+    names = {page.name for page in FRONT[1:]} - {"README.md", "index.md"}
+    assert [name for name in sorted(names) if f"({name})" not in index] == []
+
+
+def test_every_page_is_in_the_site():
+    index = (REPOSITORY / "doc" / "index.md").read_text()
+    listed = re.findall(r"^[\w./]+$", index, flags=re.MULTILINE)
+    pages = {page.stem for page in FRONT[1:]} - {"README", "index"}
+    assert sorted(pages) == sorted(name for name in listed if "/" not in name)
+    assert all((REPOSITORY / "doc" / f"{name}.md").resolve().is_file() for name in listed)
+
+
+@pytest.mark.skipif(not (REPOSITORY / ".venv-doc/.ready").exists(), reason="`make doc` has not been asked for")
+def test_the_site_is_made_without_a_warning(tmp_path):
+    sphinx = [REPOSITORY / ".venv-doc/bin/python", "-m", "sphinx", "--quiet", "--fail-on-warning", "-c", "doc"]
+    environment = {name: value for name, value in os.environ.items() if name != "PYTHONPATH"}
+    done = subprocess.run([*sphinx, ".", tmp_path], cwd=REPOSITORY, env=environment, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    assert "geodesic_motion_ros" in (tmp_path / "doc" / "index.html").read_text()
 
 
 @pytest.mark.parametrize("command", COMMANDS)
