@@ -48,6 +48,15 @@ def test_the_python_of_the_tour_runs_and_finds_a_path(code, capsys):
     assert clearance < 0.1, "the obstacle of the tour is far from the path: it shows nothing"
 
 
+def test_the_pose_of_the_page_of_conventions_is_that_of_the_readme_s_message(capsys):
+    (block,) = re.findall(r"```python\n(.*?)```", (REPOSITORY / "doc" / "conventions.md").read_text(), re.DOTALL)
+    exec(block, {})
+    position, orientation = capsys.readouterr().out.splitlines()
+    assert orientation in README.read_text()
+    x, y, z = position.strip("[]").split()
+    assert f"position: {{x: {x}, y: {y}, z: {z}}}" in README.read_text()
+
+
 @pytest.mark.parametrize("page", sorted(PAGES), ids=lambda page: str(page.relative_to(REPOSITORY)))
 def test_every_link_leads_somewhere(page):
     assert broken(page) == []
