@@ -12,7 +12,7 @@ import pytest
 from geodesic_motion_ros.contract.status import VerdictCode
 
 REPOSITORY = Path(__file__).resolve().parents[1]
-README, BEHAVIOUR = REPOSITORY / "README.md", REPOSITORY / "doc" / "behaviour.md"
+README, TROUBLESHOOTING = REPOSITORY / "README.md", REPOSITORY / "doc" / "troubleshooting.md"
 FOLDERS = ("config", "doc", "geodesic_motion_ros", "models", "studies")
 PAGES = [*REPOSITORY.glob("*.md"), *(page for name in FOLDERS for page in (REPOSITORY / name).rglob("*.md"))]
 #: What people read first, and the pages that it leads to.
@@ -102,5 +102,8 @@ def test_the_commands_of_the_pages_exist(command, capsys):
 
 
 def test_the_codes_of_the_verdict_are_described():
-    rows = re.findall(r"^\| ([A-Z_, ]+) \|", BEHAVIOUR.read_text(), flags=re.MULTILINE)
+    text = TROUBLESHOOTING.read_text()
+    rows = re.findall(r"^\| ([A-Z_, ]+) \|", text, flags=re.MULTILINE)
     assert sorted(name for row in rows for name in row.split(", ")) == sorted(code.name for code in VerdictCode)
+    symptoms = re.findall(r"^\|.*?\| ([A-Z_, ]+) \|", text, flags=re.MULTILINE)
+    assert {name for row in symptoms for name in row.split(", ")} == {code.name for code in VerdictCode}
