@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import socket
 import sys
+import threading
 import time
 from collections import deque
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -92,6 +93,7 @@ class ViewNode(LoopingNode):
             values["host"], values["port"], self.get_namespace().strip("/") or "geodesic motion", values["control"],
             place, self._repeats,
         )  # fmt: skip
+        self._commanding, self._ended = threading.Lock(), False
         self._frame, self._status, self._reader = "", SILENT, StatusReader()
         self._urdf = ""
         self._heard = self._read = self._arrived = self._sent = -np.inf
@@ -138,8 +140,11 @@ class ViewNode(LoopingNode):
     def stop(self) -> None:
         """End the page; what was dragged is an obstacle no longer. Harmless when done before."""
         self._thread.stop()
-        if self._options["control"] and self._frame:
-            self._publish_spheres([], [number for number, *_ in self.page.spheres])
+        # Whoever calls, no command of the executor's thread comes after the deletion.
+        with self._commanding:
+            if self._options["control"] and self._frame and not self._ended:
+                self._publish_spheres([], [number for number, *_ in self.page.spheres])
+            self._ended = True
         self.page.stop()
 
     # ------------------------------------------------------------------ the page's thread
@@ -198,6 +203,11 @@ class ViewNode(LoopingNode):
     # ------------------------------------------------------------------ the executor's thread, with control
 
     def _command(self) -> None:
+        with self._commanding:
+            if not self._ended:
+                self._serve()
+
+    def _serve(self) -> None:
         now = time.monotonic()
         if self._frame:
             self._publish_spheres(self.page.spheres, self.page.take_removed())

@@ -270,7 +270,8 @@ def test_meshes_are_read_in_their_formats(tmp_path: Path) -> None:
             read_mesh(tmp_path / "broken.obj")
     for broken in ("mesh.dae", "mesh.stl", "mesh.step", "mesh"):
         (tmp_path / broken).write_bytes(b"\xff" * 300)
-        with pytest.raises(RobotError, match=rf"mesh .*{broken} cannot be read .*: convert it to STL"):
+        # With a library at hand that guesses encodings the text of an .stl is read, and there is nothing in it.
+        with pytest.raises(RobotError, match=rf"mesh .*{broken} (cannot be read .*: convert it to STL|holds no body)"):
             read_mesh(tmp_path / broken)
 
 
