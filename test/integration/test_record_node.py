@@ -217,7 +217,7 @@ def test_a_hand_is_refused_where_nothing_records_and_leaves_the_arm_to_its_motor
     bench.add(TwinNode, skill=str(skill_folder))
     bench.listen_to_log()
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(hand_guide, "PATIENCE", 3.0)
+        patch.setattr(hand_guide, "PATIENCE", 12.0)
         with pytest.raises(hand_guide.GuideError, match="start the node `record` first"):
             bench.during(lambda: hand_guide.guide(skill, 1, record=True, ros_arguments=["-p", "use_sim_time:=true"]))
     hand = pose_message(*Robot.named("panda").forward(READY), BASE, Time())
