@@ -240,13 +240,15 @@ def joining_objection(
     """
     left = float(offer.times[0]) - progress
     apart = np.abs(offer.at(max(progress, float(offer.times[0]))) - position)
-    beyond = apart > np.maximum(LARGEST_JUMP, JUMP_FACTOR * max(0.0, left) * limits.velocity)
+    allowed = np.maximum(LARGEST_JUMP, JUMP_FACTOR * max(0.0, left) * limits.velocity)
+    beyond = apart > allowed
     if not np.any(beyond):
         return ""
     joint = int(np.argmax(np.where(beyond, apart, 0.0)))
     what, far = "the trajectory begins" if offer.duration else "the target is", f"{apart[joint]:.2f} rad"
     after = f" in {left:.2f} s" if left > 0.0 else ""
-    return f"{what} {far} from where '{robot.joint_names[joint]}' is commanded{after}: a jump"
+    commanded = f"where '{robot.joint_names[joint]}' is commanded{after}"
+    return f"{what} {far} from {commanded}, at most {allowed[joint]:.2g} may be: a jump"
 
 
 def _refused(reason: str) -> Refusal:

@@ -140,7 +140,7 @@ class ViewNode(LoopingNode):
     def stop(self) -> None:
         """End the page; what was dragged is an obstacle no longer. Harmless when done before."""
         self._thread.stop()
-        # Whoever calls, no command of the executor's thread comes after the deletion.
+        # The executor may still run: nothing that it publishes comes after the deletion.
         with self._commanding:
             if self._options["control"] and self._frame and not self._ended:
                 self._publish_spheres([], [number for number, *_ in self.page.spheres])

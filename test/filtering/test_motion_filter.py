@@ -228,7 +228,7 @@ POSITIONS = offered(TIMES)[0]
         (TIMES, changed(POSITIONS, (4, 3), 0.5), None, "point 4 takes 'panda_joint4' to 0.500 rad, beyond its limit"),
         (TIMES, changed(POSITIONS, (4, 0), 0.4), None, "'panda_joint1' would move at"),
         (1e6 * TIMES, POSITIONS, None, "the trajectory lasts 5e+05 s, at most 600 s may be"),
-        (TIMES, POSITIONS + 0.4, None, "from where 'panda_joint"),
+        (TIMES, POSITIONS + 0.4, None, "is commanded, at most 0.3 may be: a jump"),
         (TIMES, POSITIONS, -1.0, "the trajectory was over 0.50 s ago"),
         (TIMES, POSITIONS, 1e9, "the trajectory begins in"),
         ("words", POSITIONS, None, "times is 'words'"),
