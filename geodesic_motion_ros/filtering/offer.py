@@ -6,14 +6,14 @@ import math
 from dataclasses import dataclass
 from functools import cached_property
 
+import numba
 import numpy as np
-from scipy.interpolate import CubicHermiteSpline
 
 from geodesic_motion_ros.contract.status import Refusal, VerdictCode
 from geodesic_motion_ros.queries.round_frame import RoundFrame
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.robot.limits import JointLimits
-from geodesic_motion_ros.trajectory.trajectory import PERIOD
+from geodesic_motion_ros.trajectory.trajectory import PERIOD, interpolated
 from geodesic_motion_ros.utils.checked_numbers import real_array
 from geodesic_motion_ros.utils.errors import PlanningError
 
@@ -118,31 +118,32 @@ class Offer:
         """
         if self.velocities is None or len(self.times) < 2:
             return self.times, self.positions
-        pieces = np.maximum(1, np.ceil(np.diff(self.times) / PERIOD - 1e-6).astype(int))
+        steps = np.diff(self.times)
+        pieces = np.maximum(1, np.ceil(steps / PERIOD - 1e-6).astype(int))
         inner = np.repeat(np.arange(len(pieces)), pieces)
-        share = np.concatenate([np.arange(count) / count for count in pieces])
-        times = np.append(self.times[inner] + share * np.diff(self.times)[inner], self.times[-1])
-        return times, CubicHermiteSpline(self.times, self.positions, self.velocities)(times)
+        share = (np.arange(len(inner)) - np.repeat(np.cumsum(pieces) - pieces, pieces)) / pieces[inner]
+        times = np.append(self.times[inner] + share * steps[inner], self.times[-1])
+        # Of each step: how far it leads, and how much farther its velocities (2, m - 1, eta) alone would lead.
+        far = np.diff(self.positions, axis=0)
+        beyond = steps[:, None] * np.stack([self.velocities[:-1], self.velocities[1:]]) - far
+        x, left = share[:, None], 1.0 - share[:, None]
+        between = self.positions[inner] + x * (far[inner] + left * (left * beyond[0, inner] - x * beyond[1, inner]))
+        return times, np.concatenate([between, self.positions[-1:]])
 
     def at(self, progress: float) -> np.ndarray:
         """Return the position (eta,) [rad] at a time [s] of it; before its first point as if it had begun sooner."""
         times, positions = self.points
         if progress < times[0] and len(times) > 1:
             return positions[0] + (progress - times[0]) / (times[1] - times[0]) * (positions[1] - positions[0])
-        return np.array([np.interp(progress, times, column) for column in positions.T])
+        return interpolated(np.array([progress]), times, positions)[0]
 
     def nearest(self, position: np.ndarray, limits: JointLimits) -> float:
         """Return the time [s] of its place that the arm comes to soonest at full speed from a position (eta,) [rad]."""
         times, positions = self.points
         if len(times) == 1:
             return float(times[0])
-        begins, steps = positions[:-1] / limits.velocity, np.diff(positions, axis=0) / limits.velocity
-        away = position / limits.velocity - begins
-        lengths = np.maximum(np.sum(steps**2, axis=1), 1e-18)
-        share = np.clip(np.sum(away * steps, axis=1) / lengths, 0.0, 1.0)
-        apart = np.linalg.norm(away - share[:, None] * steps, axis=1)
-        i = int(np.argmin(apart))
-        return float(times[i] + share[i] * (times[i + 1] - times[i]))
+        piece, share = _nearest_on(positions / limits.velocity, position / limits.velocity)
+        return float(times[piece] + share * (times[piece + 1] - times[piece]))
 
     def before_first(self, position: np.ndarray, velocity: np.ndarray, limits: JointLimits) -> float:
         """Return the time [s] of it that an arm has come to which is before its first point: its beginning, where the
@@ -154,6 +155,24 @@ class Offer:
         speed = np.linalg.norm((self.positions[1] - self.positions[0]) / limits.velocity) / (self.times[1] - first)
         apart = np.linalg.norm((self.positions[0] - position) / limits.velocity)
         return first - float(np.clip(apart / max(speed, 1e-9), 0.0, first))
+
+
+@numba.njit(cache=True, nogil=True)
+def _nearest_on(path: np.ndarray, place: np.ndarray) -> tuple[int, float]:
+    """The piece of a polyline (n, d) that is nearest to a place (d,), the first of several, and the share of it."""
+    nearest, piece, along = math.inf, 0, 0.0
+    for i in range(len(path) - 1):
+        ahead, length = 0.0, 0.0
+        for j in range(len(place)):
+            step = path[i + 1, j] - path[i, j]
+            ahead, length = ahead + (place[j] - path[i, j]) * step, length + step * step
+        share = min(max(ahead / max(length, 1e-18), 0.0), 1.0)
+        apart = 0.0
+        for j in range(len(place)):
+            apart += (place[j] - path[i, j] - share * (path[i + 1, j] - path[i, j])) ** 2
+        if apart < nearest:
+            nearest, piece, along = apart, i, share
+    return piece, along
 
 
 def checked_offer(robot: Robot, limits: JointLimits, request: OfferRequest) -> Offer | Refusal:

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.interpolate import CubicSpline
 
+from geodesic_motion_ros.geometry.cubic_spline import spline_bends_between, spline_samples
 from geodesic_motion_ros.geometry.quintic import quintic_samples
 from geodesic_motion_ros.robot.limits import JointLimits
 from geodesic_motion_ros.trajectory.limited_tool import LimitedTool
@@ -47,19 +47,19 @@ def kept_times_reference(
     velocity, acceleration : (eta,) commanded now. leads_in : the path is not known where it begins: it leads from the
         present motion to its second point.
     """
+    still = np.zeros_like(velocity)
     if len(times) >= _FEWEST:
-        begins = (1, velocity) if leads_in else "not-a-knot"
-        spline = CubicSpline(times, path, bc_type=(begins, "not-a-knot"))
-        last = spline(times[-1], 1)
+        begins = velocity if leads_in else None
+        bends = spline_bends_between(times, path, begins, None)
+        last = spline_samples(times, path, bends, times[-1:])[1, 0]
         if np.max(np.abs(last) / limits.velocity) < _SLOW_END[int(velocity.any())]:
-            last = np.zeros_like(last)
-            spline = CubicSpline(times, path, bc_type=(begins, (1, last)))
+            last, bends = still, spline_bends_between(times, path, begins, still)
     elif velocity.any() or acceleration.any():
         return None
     else:
-        spline, last = CubicSpline(times, path, bc_type="clamped"), np.zeros_like(velocity)
+        last, bends = still, spline_bends_between(times, path, still, still)
     state = np.stack([path[0], velocity, acceleration])
-    mismatch = state - np.stack([spline(0.0, order) for order in range(3)])
+    mismatch = state - spline_samples(times, path, bends, times[:1])[:, 0]
     length = correction_length(mismatch, limits.acceleration, limits.jerk)
     if length > times[-1]:
         return None
@@ -72,10 +72,10 @@ def kept_times_reference(
         if np.max(np.abs(fading[0])) > _LARGEST_FADE:
             return None
         passed, rate, change = law[0], law[1][:, None], law[2][:, None]
-        motion = fading
-        motion[0] += spline(passed)
-        motion[1] += spline(passed, 1) * rate
-        motion[2] += spline(passed, 2) * rate**2 + spline(passed, 1) * change
+        motion, (place, slope, bend) = fading, spline_samples(times, path, bends, passed)
+        motion[0] += place
+        motion[1] += slope * rate
+        motion[2] += bend * rate**2 + slope * change
         motion[:, 0] = state
         reference = ending_at_rest(at, motion[0], motion[1], motion[2], interpolated(passed, times, latent))
         if keeps_all(reference, limits, tool):
