@@ -27,9 +27,10 @@ from geodesic_motion_ros.filtering.offer import (
 )
 from geodesic_motion_ros.filtering.offer_solver import FilteredArm, RestOfOffer
 from geodesic_motion_ros.motion.detour import Detour, DetourFinder
+from geodesic_motion_ros.motion.evasion_motion import EVADING, evasion_beside
 from geodesic_motion_ros.motion.plan import Plan
 from geodesic_motion_ros.motion.played import FollowedPlan, Step
-from geodesic_motion_ros.motion.retry import TIME_ROUNDING, PastSearch, Question, is_due
+from geodesic_motion_ros.motion.retry import TIME_ROUNDING, PastSearch, Question, Workings, is_due
 from geodesic_motion_ros.motion.worker import DETOUR_DELAY, Job, Worker
 from geodesic_motion_ros.obstacles.obstacles import Obstacles
 from geodesic_motion_ros.planning.situation import Situation
@@ -77,7 +78,7 @@ class MotionFilter(StreamingPlanner[FilteredArm]):
         settings : of the planner; None: its defaults, and all of the speed and acceleration that the arm has.
         collision : the spheres that obstacles are kept away from; None: those of the arm. recover : what an arm does
         that has come to rest before what stands on its path: it waits for that to leave, or after `patience` passes
-        around it. detours : what searches how; None: one whose results take `DETOUR_DELAY`.
+        around it, and makes room for what comes to it meanwhile. detours : what searches how; None: one whose results take `DETOUR_DELAY`.
 
         Raises
         ------
@@ -103,6 +104,8 @@ class MotionFilter(StreamingPlanner[FilteredArm]):
         # passes around.
         self._blocked_since = math.inf
         self._passed: Offer | None = None
+        # The last search of a place to evade to, which found none.
+        self._not_evaded: PastSearch | None = None
         self._detour: tuple[Question, Job[Detour | Refusal]] | None = None
 
     # ---------------------------------------------------------------- inputs
@@ -177,7 +180,7 @@ class MotionFilter(StreamingPlanner[FilteredArm]):
     def _decide(self, situation: Situation) -> Plan:
         before, newest = (self._active, self._attempted), self._newest
         if newest is not None and (newest.begin is None or situation.state.time >= newest.begin - TIME_ROUNDING):
-            waits = newest.ends_in_motion and self._passes_around(situation)
+            waits = _evades(situation) or (newest.ends_in_motion and self._passes_around(situation))
             self._active = self._active if waits else newest
         return self._commit_step(situation, self._step(situation), before)
 
@@ -199,6 +202,9 @@ class MotionFilter(StreamingPlanner[FilteredArm]):
             return situation.begin_stop(Refusal(VerdictCode.NO_GOAL, "no trajectory has been given"))
         if situation.exceeds_limits and (slowed := situation.slowed()) is not None:
             return slowed
+        beside = situation.requirements.beside_graph
+        if followed is not None and _evades(situation) and situation.satisfies_without_evasion(beside):
+            return situation.go_on(followed.verdict)
         follows = followed is not None and followed.query is offer
         stops = followed is None or followed.purpose is Purpose.STOP
         clearance = situation.remaining_clearance() if follows and not stops else None
@@ -219,11 +225,15 @@ class MotionFilter(StreamingPlanner[FilteredArm]):
         question = Question(offer, situation.obstacles, situation.state.position if situation.at_rest else None)
         tried, safe = self._attempted, clearance is not None or stops or situation.at_rest
         if tried is not None and safe and not is_due(tried[0], question, situation.now, SEARCH_PERIOD):
-            return situation.go_on(tried[1])
+            return self._evade(situation, offer, progress, tried[1]) or situation.go_on(tried[1])
         step = self._attempt(situation, offer, progress, goes_on=clearance is not None)
         verdict = step.plan.verdict
-        self._attempted = (PastSearch(question, situation.now), verdict) if isinstance(verdict, Refusal) else None
-        return step
+        if not isinstance(verdict, Refusal):
+            self._attempted = None
+            return step
+        self._attempted = PastSearch(question, situation.now), verdict
+        evading = None if step.plan.trajectory else self._evade(situation, offer, progress, verdict)
+        return evading or step
 
     def _attempt(self, situation: Situation, offer: Offer, progress: float, goes_on: bool = False) -> Step:
         """Play the rest of an offer from a time [s] of it on, or the longest part that is free.
@@ -269,6 +279,29 @@ class MotionFilter(StreamingPlanner[FilteredArm]):
         verdict = refusal.with_figures(clearance=part.verdict.figures.clearance)
         share = f"plays {played:.2f} s of the trajectory and " if played >= 0.005 else ""
         return replace(part, verdict=verdict.with_remark(f"it {share}brakes"))
+
+    def _evade(self, situation: Situation, offer: Offer, progress: float, refusal: Refusal) -> Step | None:
+        """Make room for what comes to where a blocked arm rests; None: it need not, or cannot."""
+        stays = not (self._recovers and situation.at_rest and situation.settings.avoidance)
+        if stays or situation.obstacles.is_static or refusal.code is not VerdictCode.NO_FEASIBLE_PATH:
+            return None
+        question = Question(offer, situation.obstacles)
+        if situation.satisfies_without_evasion(situation.requirements.beside_graph):
+            return None
+        if not is_due(self._not_evaded, question, situation.now, SEARCH_PERIOD):
+            return None
+        undisplaced, _ = self.robot.forward(offer.at(progress))
+        plan = evasion_beside(
+            self._arm.solver, np.array([progress]), situation.state, situation.expected_obstacles,
+            situation.stop.reference, undisplaced, self._reach, Workings(),
+        )  # fmt: skip
+        self._not_evaded = PastSearch(question, situation.now) if plan is None else None
+        if plan is None:
+            return None
+        refusal = refusal.with_figures(clearance=plan.verdict.figures.clearance)
+        plan = replace(plan, verdict=refusal.with_remark(EVADING))
+        begun = FollowedPlan.of(offer, plan, situation.obstacles, situation.now, Purpose.EVASION)
+        return situation.hand_out(plan, begun)
 
     def _around(self, situation: Situation, offer: Offer, progress: float) -> Step | None:
         """Follow the detour that was found for an arm at rest, or have one searched, once it has been blocked for long
@@ -321,6 +354,11 @@ class MotionFilter(StreamingPlanner[FilteredArm]):
 
     def _arm_taken(self, prepared: PreparedArm[FilteredArm]) -> None:
         self._attempted = None
+
+
+def _evades(situation: Situation) -> bool:
+    """Whether the arm is on its way to where it makes room."""
+    return situation.is_evading and not situation.at_rest
 
 
 def _end(reference: JointReference) -> float:

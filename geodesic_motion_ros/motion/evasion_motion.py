@@ -12,6 +12,7 @@ import numpy as np
 from geodesic_motion_ros.certification.arm_in_scene import ArmInScene
 from geodesic_motion_ros.contract import settings as constants
 from geodesic_motion_ros.contract.status import Figures, Refusal, Verdict
+from geodesic_motion_ros.motion.motion_judge import MotionJudge
 from geodesic_motion_ros.motion.path_timer import JointCurve
 from geodesic_motion_ros.motion.plan import MotionState, Plan
 from geodesic_motion_ros.motion.retry import Workings
@@ -21,6 +22,9 @@ from geodesic_motion_ros.queries.evasion_targets import displaced_paths, paths_t
 from geodesic_motion_ros.queries.query import ArmQuery
 from geodesic_motion_ros.trajectory.trajectory import JointReference, joined
 from geodesic_motion_ros.utils.deadline import NEVER, Deadline
+
+#: What is said of an arm that makes room.
+EVADING = "evading what is coming"
 
 
 def evasion_on_graph(
@@ -99,23 +103,41 @@ def evasion_beside_graph(
     configurations = query.configurations_along(latent, state.position)
     if isinstance(configurations, Refusal):
         return None
-    left = reach - query.displaced_at(progress)
-    undisplaced, _ = solver.robot.forward(configurations[0])
-    seen = solver.seen_volume_beside(state.position[None])
-    requirement = solver.requirements.beside_graph
-    swept = obstacles.swept(requirement.horizon).beside(solver.scene.solids)
-    arm, apart = ArmInScene.of(solver.robot, solver.collision, swept, seen), requirement.searched.of()
-    targets = displaced_paths(solver.robot, arm, state.position, undisplaced, left, apart)
-    tried = workings.evasions.pop("beside_graph", 0)
+    undisplaced, left = solver.robot.forward(configurations[0])[0], reach - query.displaced_at(progress)
+    return evasion_beside(solver, latent[0], state, obstacles, stop, undisplaced, left, workings, deadline)
+
+
+def evasion_beside(
+    judge: MotionJudge,
+    latent: np.ndarray,
+    state: MotionState,
+    obstacles: Obstacles,
+    stop: JointReference,
+    undisplaced: np.ndarray,
+    reach: float,
+    workings: Workings,
+    deadline: Deadline = NEVER,
+) -> Plan | None:
+    """Return a certified motion to a place beside where the arm is, to which no obstacle comes soon; None where none is
+    found in time. The next search resumes one that was out of time.
+
+    latent : (d,) of the motion, which makes no progress. undisplaced, reach : no target is farther from this place (3,)
+        of the tool [m]. stop, workings : as of `evasion_beside_graph`.
+    """
+    seen, requirement = judge.seen_volume_beside(state.position[None]), judge.requirements.beside_graph
+    swept = obstacles.swept(requirement.horizon).beside(judge.scene.solids)
+    arm, apart = ArmInScene.of(judge.robot, judge.collision, swept, seen), requirement.searched.of()
+    targets = displaced_paths(judge.robot, arm, state.position, undisplaced, reach, apart)
+    tried = workings.evasions.pop("beside", 0)
     for number, curve in enumerate(islice(targets, tried, constants.EVASION_DISPLACED), tried + 1):
-        standing = JointCurve(curve, np.repeat(latent, len(curve), axis=0), 0.0)
-        timed = solver.timer.time_curve(state, standing, paced=False)
-        if not isinstance(timed, Refusal):
-            certificate, met = solver.certifier.assess_leaving(timed.swept, obstacles, requirement, stop)
-            if not (met or solver.certifier.seen_objection(timed.swept, seen)):
+        reference = judge.time_along(state, JointCurve(curve, np.repeat(latent[None], len(curve), axis=0), 0.0))
+        if not isinstance(reference, Refusal):
+            evading = judge.certifier.sweep(reference)
+            certificate, met = judge.certifier.assess_leaving(evading, obstacles, requirement, stop)
+            if not (met or judge.certifier.seen_objection(evading, seen)):
                 verdict = Verdict(figures=Figures(clearance=float(np.min(certificate.clearance))))
-                return Plan(solver.certifier.judge(timed.reference, certificate), state.time, verdict)
+                return Plan(judge.certifier.judge(reference, certificate), state.time, verdict)
         if deadline.passed:
-            workings.evasions["beside_graph"] = number
+            workings.evasions["beside"] = number
             return None
     return None

@@ -687,7 +687,7 @@ FILTER = (
         "recover",
         "wait",
         "What the arm does that has come to rest before what stands on its path: wait until that leaves, or detour: "
-        "after `patience` it passes around, which needs a scene",
+        "after `patience` it passes around, and meanwhile makes room for what comes to it, which needs a scene",
         choices=("wait", "detour"),
     ),
     *(replace(one, **_OF_FILTER.get(one.name, {})) for one in PLANNER if one.name not in _OF_SKILLS),

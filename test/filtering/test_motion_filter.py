@@ -286,3 +286,34 @@ def test_a_stream_of_chunks_is_passed_around_what_covers_their_ends(
     assert arrived == (recover == "detour")
     assert least_clearance(filtering.positions, lambda _: place, 0.03) > 0.0
     assert keeps_limits(filtering)
+
+
+@pytest.mark.parametrize("recover", ["detour", "wait"])
+def test_an_arm_that_waits_makes_room_for_what_comes_where_it_may_leave_its_path(
+    least_clearance: Callable[..., float], recover: Recovery
+) -> None:
+    """One sphere stands on the path, from beginning to end; another one comes to where the arm waits for it to leave."""
+    filtering = Filtering(MotionFilter("panda", DeclaredScene.empty(), recover=recover))
+    filtering.filter.stand_at(BEGIN, 0.0)
+    times, stands = np.linspace(0.0, DURATION, 76), halfway(filtering)
+    filtering.filter.observe(Obstacles.of_spheres(stands[None], np.array([0.06])))
+    assert filtering.filter.offer(times, offered(times)[0]).ok
+    filtering.run(1.0)
+    assert filtering.at_rest
+    hand, _ = filtering.filter.robot.forward(filtering.positions[-1])
+    velocity = 0.15 * (hand - stands) / np.linalg.norm(hand - stands)
+    begun = len(filtering.positions)
+
+    def centre(tick: int) -> np.ndarray:
+        return hand + (0.01 * (tick - begun) - 2.5) * velocity
+
+    def send(now: float) -> None:
+        both = np.stack([stands, centre(round(100 * now))])
+        velocities = np.stack([np.zeros(3), velocity])
+        filtering.filter.observe(Obstacles.of_spheres(both, np.array([0.06, 0.04]), velocities, now))
+
+    filtering.run(2.6, send)
+    said = [plan.verdict.reason for plan in filtering.plans]
+    assert any("evading what is coming" in reason for reason in said) == (recover == "detour")
+    assert (least_clearance(filtering.positions, centre, 0.04) > 0.0) == (recover == "detour")
+    assert keeps_limits(filtering)

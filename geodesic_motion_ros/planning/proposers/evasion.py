@@ -14,7 +14,7 @@ from geodesic_motion_ros.contract import settings as constants
 from geodesic_motion_ros.contract.mode import Purpose
 from geodesic_motion_ros.contract.requirement import Requirement
 from geodesic_motion_ros.contract.status import VerdictCode
-from geodesic_motion_ros.motion.evasion_motion import evasion_beside_graph, evasion_on_graph
+from geodesic_motion_ros.motion.evasion_motion import EVADING, evasion_beside_graph, evasion_on_graph
 from geodesic_motion_ros.motion.plan import Plan
 from geodesic_motion_ros.motion.played import FollowedPlan
 from geodesic_motion_ros.motion.retry import PastSearch, Question, is_due
@@ -22,7 +22,6 @@ from geodesic_motion_ros.planning.proposers.turn import Proposer, Turn
 
 #: The names of the requirements of evasions, to a place on the graph and to one beside it.
 ON_GRAPH, BESIDE_GRAPH = "evasion", "beside_graph"
-_EVADING = "evading what is coming"
 
 
 class KeptEvasion(Proposer):
@@ -81,7 +80,7 @@ class Evasion(Proposer):
             free, required = _assessed(turn, searches)
         # Where a search came to its end and found nothing, the arm stops in time.
         goes_on = situation.evades_for_now if situation.deadline.passed else free and situation.is_evading
-        step = situation.go_on(turn.verdict.with_remark(_EVADING)) if goes_on else None
+        step = situation.go_on(turn.verdict.with_remark(EVADING)) if goes_on else None
         return replace(turn, memory=replace(turn.memory, past_searches=searches), step=step)
 
 
@@ -115,6 +114,6 @@ def _begun(turn: Turn, plan: Plan) -> Turn:
     """The last turn, in which the arm begins an evasion path."""
     situation, verdict = turn.situation, turn.verdict
     verdict = verdict.with_figures(clearance=plan.verdict.figures.clearance)
-    plan = replace(plan, verdict=verdict.with_remark(_EVADING))
+    plan = replace(plan, verdict=verdict.with_remark(EVADING))
     begun = FollowedPlan.of(turn.query, plan, situation.obstacles, situation.now, Purpose.EVASION)
     return replace(turn, step=situation.hand_out(plan, begun), decided=True)
