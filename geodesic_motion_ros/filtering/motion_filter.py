@@ -78,7 +78,8 @@ class MotionFilter(StreamingPlanner[FilteredArm]):
         settings : of the planner; None: its defaults, and all of the speed and acceleration that the arm has.
         collision : the spheres that obstacles are kept away from; None: those of the arm. recover : what an arm does
         that has come to rest before what stands on its path: it waits for that to leave, or after `patience` passes
-        around it, and makes room for what comes to it meanwhile. detours : what searches how; None: one whose results take `DETOUR_DELAY`.
+        around it, and makes room for what comes to it meanwhile. detours : what searches how; None: one whose results
+        take `DETOUR_DELAY`.
 
         Raises
         ------

@@ -16,7 +16,7 @@ from geodesic_motion_ros.filtering.motion_filter import MotionFilter
 from geodesic_motion_ros.filtering.offer import Offer
 from geodesic_motion_ros.geometry.pose import Pose
 from geodesic_motion_ros.geometry.task_frame import TaskFrame
-from geodesic_motion_ros.motion.evasion_motion import evasion_beside_graph
+from geodesic_motion_ros.motion.evasion_motion import evasion_beside, evasion_beside_graph
 from geodesic_motion_ros.motion.plan import Aim, MotionState, Plan
 from geodesic_motion_ros.motion.played import FollowedPlan, PlayedTrajectory
 from geodesic_motion_ros.motion.retry import Workings
@@ -75,6 +75,7 @@ def load_filter_kernels(motion_filter: MotionFilter) -> None:
     # From rest to rest it is played at its times, in full motion at the end it is not.
     for passed in (0.5 - 0.5 * np.cos(np.pi * times / times[-1]), times / times[-1]):
         offer = Offer(times, start + 0.1 * passed[:, None])
+        offer.nearest(start, motion_filter.limits)
         state = MotionState(0.0, start, still, still, offer.start_latent)
         reference = solver.motion(offer, state, 0.0)
         if reference is None:
@@ -83,6 +84,8 @@ def load_filter_kernels(motion_filter: MotionFilter) -> None:
         _followed(motion_filter, offer, solver.certified(reference, state, obstacles), obstacles)
     if motion_filter.may_detour:
         solver.find_detour(offer, start, 0.0, obstacles, _REACH)
+        standing, (place, _) = JointReference.standing(start, offer.start_latent), motion_filter.robot.forward(start)
+        evasion_beside(solver, offer.start_latent, state, obstacles, standing, place, _REACH, Workings())
 
 
 def _followed(planner: StreamingPlanner[Any], aim: Aim, plan: Plan, obstacles: Obstacles) -> Situation | None:

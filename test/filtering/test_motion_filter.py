@@ -292,7 +292,7 @@ def test_a_stream_of_chunks_is_passed_around_what_covers_their_ends(
 def test_an_arm_that_waits_makes_room_for_what_comes_where_it_may_leave_its_path(
     least_clearance: Callable[..., float], recover: Recovery
 ) -> None:
-    """One sphere stands on the path, from beginning to end; another one comes to where the arm waits for it to leave."""
+    """A sphere stands on the path, and another one comes to where the arm waits for it to leave."""
     filtering = Filtering(MotionFilter("panda", DeclaredScene.empty(), recover=recover))
     filtering.filter.stand_at(BEGIN, 0.0)
     times, stands = np.linspace(0.0, DURATION, 76), halfway(filtering)
