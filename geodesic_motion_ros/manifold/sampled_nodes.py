@@ -92,10 +92,13 @@ def sample_nodes(
     embedded : makes of latent points what the metric compares, (n, F), sigma left out.
     """
     candidates = _candidates(codes, mean_paths, deviation)
-    candidates = candidates[supported(candidates)]
+    may_be = supported(candidates)
+    candidates = candidates[may_be]
     if mean_paths is not None:
-        # Of those that decode alike the first is kept.
-        candidates = candidates[np.argsort(mean_paths.conformal_factors(candidates, 1.0), kind="stable")]
+        # Of those that decode alike the first is kept: the ends, however the factors there are rounded.
+        factors = mean_paths.conformal_factors(candidates, 1.0)
+        factors[: np.count_nonzero(may_be[: 2 * len(mean_paths.centres)])] = 0.0
+        candidates = candidates[np.argsort(factors, kind="stable")]
     if len(candidates) < 2:
         return candidates, np.empty((0, 2), dtype=int), np.ones(codes.shape[-1])
     decoded = embedded(candidates)
