@@ -7,8 +7,9 @@ points it has the progress [s]: the time of the offer that each knot has come to
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from itertools import chain
 
 import numpy as np
 
@@ -23,6 +24,7 @@ from geodesic_motion_ros.motion.motion_judge import MotionJudge, changed_limits
 from geodesic_motion_ros.motion.path_timer import JointCurve
 from geodesic_motion_ros.motion.plan import MotionState, Plan
 from geodesic_motion_ros.obstacles.obstacles import Obstacles
+from geodesic_motion_ros.queries.path_smoothing import smooth_latent
 from geodesic_motion_ros.robot.collision_model import CollisionModel, self_clearance
 from geodesic_motion_ros.robot.held_objects import HeldObject
 from geodesic_motion_ros.robot.kinematics import Robot
@@ -36,7 +38,8 @@ from geodesic_motion_ros.utils.deadline import NEVER, Deadline
 
 #: Points that are nearer than this in time [s] are one.
 _SHORTEST_STEP = 1e-3
-#: An arm that is before the first point of an offer is led to it in no less than this time [s], or to a later one.
+#: An arm that is before the first point of an offer, or nearly on time, is led to it in no less than this time [s], or
+#: to a later one.
 _LEAD = 0.05
 #: An arm that is beside an offer comes to it in this time [s], or this multiple of the time that full speed would take.
 #: Much longer than chunks are apart: sooner, each of them would lead it farther beside.
@@ -48,8 +51,11 @@ FREE_PLACE = 0.02
 #: A motion that takes so many times as long as it was offered, and so much longer [s], is none: where points that are
 #: nearly one are far apart in time, it would last for hours.
 _LONGER, _LONGEST_DELAY = 4.0, 20.0
-#: An arm is on time where it is nearer than this [rad] to where it is to be.
-_ON_TIME = 2e-3
+#: An arm is on time, or nearly, where it is nearer than this [rad] to where it is to be: many policies look at where the
+#: arm is, not at how fast.
+_ON_TIME, _NEARLY = 2e-3, 0.02
+#: Points that jitter are smoothed over so many of them, as long as none is moved farther [rad].
+_SMOOTHINGS, _JITTER = (1.0, 2.0), 0.01
 #: The longest free part of a motion is found up to this time [s].
 _FREE_PART = 0.03
 
@@ -63,24 +69,30 @@ class OfferSolver(MotionJudge):
         """
         first = float(offer.points[0][0])
         begun = state.velocity, state.acceleration
-        if progress < first:
-            passed, path, latent = _rest(offer, state.position, progress, _LEAD)
-            led = kept_times_reference(passed, path, latent, self.limits, *begun, self.tool, leads_in=True)
-            if led is not None:
-                return led
         # An arm that stands has not begun sooner.
         apart = state.position - offer.at(progress if state.velocity.any() else max(progress, first))
+        farthest = float(np.max(np.abs(apart)))
         joining = max(_JOINING, _JOINING_SHARE * float(np.max(np.abs(apart) / self.limits.velocity)))
-        passed, path, latent = _rest(offer, state.position, progress)
-        if first - progress < joining:
-            left = np.maximum(0.0, 1.0 - passed / joining)[:, None]
-            # A short offer is over before: its end is kept.
-            left[-1] = 0.0
-            path[1:] += left[1:] * apart
-        if np.max(np.abs(apart)) < _ON_TIME:
-            kept = kept_times_reference(passed, path, latent, self.limits, *begun, self.tool)
+
+        def rest(one: Offer, lead: float, fades: bool) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+            passed, path, latent = _rest(one, state.position, progress, lead)
+            if fades:
+                left = np.maximum(0.0, 1.0 - passed / joining)[:, None]
+                # A short offer is over before: its end is kept.
+                left[-1] = 0.0
+                path[1:] += left[1:] * apart
+            return passed, path, latent
+
+        is_begun = progress >= first
+        exact = [(offer, _SHORTEST_STEP)] if is_begun and farthest < _ON_TIME else []
+        led = _smoother(offer) if not is_begun or farthest < _NEARLY else ()
+        for one, lead in chain(exact, ((one, _LEAD) for one in led)):
+            kept = kept_times_reference(
+                *rest(one, lead, is_begun), self.limits, *begun, self.tool, leads_in=lead == _LEAD
+            )
             if kept is not None:
                 return kept
+        passed, path, latent = rest(offer, _SHORTEST_STEP, first - progress < joining)
         longest = _LONGER * float(passed[-1]) + _LONGEST_DELAY
         return timed_joint_reference(
             path, latent, self.limits, *begun, tool=self.tool, shown=passed, longest=longest
@@ -168,8 +180,20 @@ class OfferSolver(MotionJudge):
         return offer
 
 
+def _smoother(offer: Offer) -> Iterator[Offer]:
+    """An offer, and then the same without what jitters, as the points of networks do: through these the limits of
+    acceleration allow no motion at their times.
+    """
+    yield offer
+    times, positions = offer.points
+    for width in _SMOOTHINGS if len(times) > 2 else ():
+        smoothed = smooth_latent(positions, width)
+        if np.max(np.abs(smoothed - positions)) <= _JITTER:
+            yield Offer(times, smoothed, begin=offer.begin)
+
+
 def _rest(
-    offer: Offer, position: np.ndarray, progress: float, shortest: float = _SHORTEST_STEP
+    offer: Offer, position: np.ndarray, progress: float, shortest: float
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Times (m,) [s] from a time of an offer on, and configurations (m, eta) [rad]: a position, and then the points
     that come more than a time [s] later; with the times of the offer as latent points (m, 1).

@@ -74,6 +74,25 @@ def test_chunks_that_overlap_are_joined_into_one_motion(filtering: Filtering, ra
     assert keeps_limits(filtering)
 
 
+def test_chunks_that_jitter_and_begin_where_the_arm_is_are_played_at_their_times(filtering: Filtering) -> None:
+    """As of a network: the control is that through these points motions exceed the limits of acceleration."""
+    random, ahead, over = np.random.default_rng(0), np.arange(16) / 30.0, []
+
+    def send(now: float) -> None:
+        if round(now * 100) % 25 == 0:
+            positions = offered(now + ahead)[0] + random.normal(0.0, 2e-3, (16, 7))
+            positions[0] = filtering.filter.commanded_state(now)[0]
+            bends = np.abs(np.diff(positions, 2, axis=0)) * 30.0**2
+            over.append(np.max(bends / filtering.filter.limits.acceleration) > 1.0)
+            assert filtering.filter.offer(ahead, positions, begin=now).ok
+
+    filtering.run(DURATION + 0.3, send)
+    assert np.mean(over) > 0.5
+    wanted, _ = offered(0.01 * np.arange(len(filtering.positions)))
+    np.testing.assert_allclose(filtering.positions, wanted, atol=0.03)
+    assert keeps_limits(filtering)
+
+
 def test_the_arm_brakes_along_its_path_before_what_stands_there_and_goes_on_when_that_is_removed(
     filtering: Filtering, least_clearance: Callable[..., float]
 ) -> None:
