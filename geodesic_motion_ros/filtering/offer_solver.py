@@ -51,7 +51,7 @@ FREE_PLACE = 0.02
 #: A motion that takes so many times as long as it was offered, and so much longer [s], is none: where points that are
 #: nearly one are far apart in time, it would last for hours.
 _LONGER, _LONGEST_DELAY = 4.0, 20.0
-#: An arm is on time, or nearly, where it is nearer than this [rad] to where it is to be: many policies look at where the
+#: An arm is on time, or nearly, where it is nearer than this [rad] to where it is to be: many policies look at where an
 #: arm is, not at how fast.
 _ON_TIME, _NEARLY = 2e-3, 0.02
 #: Points that jitter are smoothed over so many of them, as long as none is moved farther [rad].
