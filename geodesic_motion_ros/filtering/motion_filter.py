@@ -233,8 +233,10 @@ class MotionFilter(StreamingPlanner[FilteredArm]):
             self._attempted = None
             return step
         self._attempted = PastSearch(question, situation.now), verdict
-        evading = None if step.plan.trajectory else self._evade(situation, offer, progress, verdict)
-        return evading or step
+        begun = None if step.plan.trajectory is None else step.followed
+        if begun is not None and begun.purpose is not Purpose.STOP:
+            return step
+        return self._evade(situation, offer, progress, verdict) or step
 
     def _attempt(self, situation: Situation, offer: Offer, progress: float, goes_on: bool = False) -> Step:
         """Play the rest of an offer from a time [s] of it on, or the longest part that is free.
@@ -282,8 +284,8 @@ class MotionFilter(StreamingPlanner[FilteredArm]):
         return replace(part, verdict=verdict.with_remark(f"it {share}brakes"))
 
     def _evade(self, situation: Situation, offer: Offer, progress: float, refusal: Refusal) -> Step | None:
-        """Make room for what comes to where a blocked arm rests; None: it need not, or cannot."""
-        stays = not (self._recovers and situation.at_rest and situation.settings.avoidance)
+        """Make room for what comes to where a blocked arm rests, or evades to; None: it need not, or cannot."""
+        stays = not (self._recovers and (situation.at_rest or situation.is_evading) and situation.settings.avoidance)
         if stays or situation.obstacles.is_static or refusal.code is not VerdictCode.NO_FEASIBLE_PATH:
             return None
         question = Question(offer, situation.obstacles)
