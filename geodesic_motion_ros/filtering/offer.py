@@ -105,6 +105,13 @@ class Offer:
             np.append(times, times[-1] + passed[inside]), np.concatenate([positions, beyond[inside]]), begin=self.begin
         )
 
+    def followed_by(self, positions: np.ndarray, limits: JointLimits) -> Offer:
+        """Return it with more points (n, eta) [rad] after its end, at full speed."""
+        times, before = self.points
+        steps = np.diff(np.concatenate([before[-1:], positions]), axis=0)
+        passed = np.cumsum(np.maximum(PERIOD, np.max(np.abs(steps) / limits.velocity, axis=1)))
+        return Offer(np.append(times, times[-1] + passed), np.concatenate([before, positions]), begin=self.begin)
+
     def until(self, time: float) -> Offer:
         """Return it as far as its last point at or before a time [s]."""
         times, positions = self.points

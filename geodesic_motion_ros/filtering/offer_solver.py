@@ -14,6 +14,7 @@ from itertools import chain
 import numpy as np
 
 from geodesic_motion_ros.certification.arm_clearance import obstacle_clearance
+from geodesic_motion_ros.certification.arm_in_scene import ArmInScene
 from geodesic_motion_ros.certification.declared_scene import DeclaredScene
 from geodesic_motion_ros.contract.settings import PlannerSettings
 from geodesic_motion_ros.contract.status import Figures, Refusal, Verdict, VerdictCode
@@ -24,6 +25,7 @@ from geodesic_motion_ros.motion.motion_judge import MotionJudge, changed_limits
 from geodesic_motion_ros.motion.path_timer import JointCurve
 from geodesic_motion_ros.motion.plan import MotionState, Plan
 from geodesic_motion_ros.obstacles.obstacles import Obstacles
+from geodesic_motion_ros.queries.evasion_targets import displaced_paths
 from geodesic_motion_ros.queries.path_smoothing import smooth_latent
 from geodesic_motion_ros.robot.collision_model import CollisionModel, self_clearance
 from geodesic_motion_ros.robot.held_objects import HeldObject
@@ -157,7 +159,7 @@ class OfferSolver(MotionJudge):
         """
         if offer.duration <= progress + _SHORTEST_STEP:
             return Refusal(VerdictCode.NO_FEASIBLE_PATH, "the trajectory is over")
-        rest = self._until_free(offer, obstacles)
+        rest = self._until_free(offer, obstacles, reach)
         times, positions = rest.points
         ahead = times > progress + _SHORTEST_STEP
         path, at = np.concatenate([position[None], positions[ahead]]), np.append(progress, times[ahead])
@@ -165,9 +167,9 @@ class OfferSolver(MotionJudge):
         frame = DetourFrame.of_base_path(self.robot, path, at[:, None], covariances)
         return DetourFinder(self).find_beside(frame, RestOfOffer(position, path[-1], rest), obstacles, reach)
 
-    def _until_free(self, offer: Offer, obstacles: Obstacles) -> Offer:
-        """An offer, and what follows it up to the first place where the arm keeps `FREE_PLACE`; the offer alone where
-        its end is such a place, or none is.
+    def _until_free(self, offer: Offer, obstacles: Obstacles, reach: float) -> Offer:
+        """An offer, and what follows a chunk up to the first place where the arm keeps `FREE_PLACE`, else a way to such
+        a place beside its end, within a reach [m]; the offer alone where its end is such a place, or none is.
         """
         swept = obstacles.swept(self.requirements.detour.horizon).beside(self.scene.solids)
         continued = offer.continued(self.limits)
@@ -177,6 +179,12 @@ class OfferSolver(MotionJudge):
             clear = obstacle_clearance(self.collision, self.robot, position, swept)[0] >= FREE_PLACE
             if clear and self_clearance(self.collision, self.robot, position)[0] > 0.0:
                 return offer if time <= offer.duration else continued.until(time)
+        if not offer.ends_in_motion:
+            return offer
+        end = offer.positions[-1]
+        arm = ArmInScene.of(self.robot, self.collision, swept, self.seen_volume_beside(offer.positions))
+        for beside in displaced_paths(self.robot, arm, end, self.robot.forward(end)[0], reach, FREE_PLACE):
+            return offer.followed_by(beside[1:], self.limits)
         return offer
 
 
