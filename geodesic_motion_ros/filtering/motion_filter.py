@@ -360,7 +360,7 @@ class MotionFilter(StreamingPlanner[FilteredArm]):
 
 
 def _evades(situation: Situation) -> bool:
-    """Whether the arm is on its way to where it makes room."""
+    """Whether the arm moves to where it makes room."""
     return situation.is_evading and not situation.at_rest
 
 

@@ -26,10 +26,10 @@ from geodesic_motion_ros.utils.cache import PACKAGE, cache_folder, machine
 
 #: The folders of the package that have kernels of planners or call them, and about how many kernels there are.
 FOLDERS = (
-    "certification", "detours", "geometry", "kernels", "manifold", "motion", "obstacles", "planning", "queries",
-    "robot", "trajectory",
+    "certification", "detours", "filtering", "geometry", "kernels", "manifold", "motion", "obstacles", "planning",
+    "queries", "robot", "trajectory",
 )  # fmt: skip
-ABOUT = 180
+ABOUT = 200
 #: Between two lines about the progress [s].
 _SAID_EVERY = 1.0
 
