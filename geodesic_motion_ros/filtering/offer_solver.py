@@ -168,8 +168,8 @@ class OfferSolver(MotionJudge):
         return DetourFinder(self).find_beside(frame, RestOfOffer(position, path[-1], rest), obstacles, reach)
 
     def _until_free(self, offer: Offer, obstacles: Obstacles, reach: float) -> Offer:
-        """An offer, and what follows a chunk up to the first place where the arm keeps `FREE_PLACE`, else a path to such
-        a place beside its end, within a reach [m]; the offer alone where its end is such a place, or none is.
+        """An offer, and what follows a chunk up to the first place where the arm keeps `FREE_PLACE`, else a path to
+        such a place beside its end, within a reach [m]; the offer alone where its end is such a place, or none is.
         """
         swept = obstacles.swept(self.requirements.detour.horizon).beside(self.scene.solids)
         continued = offer.continued(self.limits)

@@ -31,17 +31,19 @@ class _Printer(event.Listener):
 
 
 def call_kernels() -> None:
-    """Call the kernels of planners of all kinds."""
+    """Call the kernels of planners of all kinds, and of a filter."""
     # Kernels with a signature are compiled where their module is imported.
     from geodesic_motion_ros.certification.declared_scene import DeclaredScene
     from geodesic_motion_ros.contract.settings import PlannerSettings
-    from geodesic_motion_ros.kernels.loading import load_kernels
+    from geodesic_motion_ros.filtering.motion_filter import MotionFilter
+    from geodesic_motion_ros.kernels.loading import load_filter_kernels, load_kernels
     from geodesic_motion_ros.planning.planner import ReactivePlanner
     from geodesic_motion_ros.skill.skill import Skill
 
     for name in SKILLS:
         planner = ReactivePlanner(Skill.load(name), PlannerSettings(unseen="blocked"), scene=DeclaredScene.empty())
         load_kernels(planner)
+    load_filter_kernels(MotionFilter("panda", DeclaredScene.empty(), recover="detour"))
 
 
 def main() -> None:
