@@ -16,8 +16,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from geodesic_motion_ros.cli.arguments import HelpFormatter, add_json, indices, needing, writable
-from geodesic_motion_ros.utils.errors import GeodesicMotionError
-from geodesic_motion_studies.faults.fault import PHASES
+from geodesic_motion_ros.utils.errors import GeodesicMotionError, ParameterError
+from geodesic_motion_studies.faults.fault import FILTER, PHASES, PLANNER
 
 if TYPE_CHECKING:
     from geodesic_motion_studies.faults.fault import Row
@@ -28,6 +28,7 @@ examples:
   geodesic-motion faults
   geodesic-motion faults --only state_stops,planner_killed --phases motion --seeds 0,1,2
   geodesic-motion faults --skill panda_pouring --output target_pose --json out/faults.json
+  geodesic-motion faults --filter --markdown out/filter_faults.md
   geodesic-motion faults --list
 
 Exit status: 0 where all rows pass, 1 where one does not. Rows that this machine or the skill has no means for are
@@ -56,6 +57,10 @@ def add_command(commands: argparse._SubParsersAction) -> None:
         "--output", choices=("joint_trajectory", "target_pose"), default="joint_trajectory",
         help="what commands the arm; default: %(default)s",
     )  # fmt: skip
+    parser.add_argument(
+        "--filter", action="store_true",
+        help="of the node filter: the skill's motions are offered to it, and trajectories that are none",
+    )  # fmt: skip
     parser.add_argument("--out", type=Path, default=Path("out/faults"), metavar="OUT", help="folder for logs")
     parser.add_argument(
         "--domain", type=int, choices=range(1, 102), metavar="1..101", default=1 + os.getpid() % 101,
@@ -77,7 +82,10 @@ def run(arguments: argparse.Namespace) -> int:
         from geodesic_motion_studies.faults.long_faults import Soak
         from geodesic_motion_studies.faults.report import markdown, table
         from geodesic_motion_studies.faults.suite import cases
-    faults = chosen(arguments.only, arguments.all or arguments.list)
+    subject = FILTER if arguments.filter else PLANNER
+    if arguments.filter and arguments.output != "joint_trajectory":
+        raise ParameterError(f"--output {arguments.output}: a filter sends joint_trajectory")
+    faults = chosen(arguments.only, arguments.all or arguments.list, subject)
     for fault in faults:
         if isinstance(fault, Soak):
             fault.minutes = arguments.soak_minutes
@@ -95,7 +103,7 @@ def run(arguments: argparse.Namespace) -> int:
     rows: list[Row] = []
     try:
         with termination_as_interrupt():
-            _run_all(arguments, todo, rows)
+            _run_all(arguments, todo, rows, subject)
     finally:
         # Where none has run, figures of before are not written over.
         if rows:
@@ -106,7 +114,7 @@ def run(arguments: argparse.Namespace) -> int:
     return 1 if any(row.passed is False for row in rows) else 0
 
 
-def _run_all(arguments: argparse.Namespace, todo: list, rows: list[Row]) -> None:
+def _run_all(arguments: argparse.Namespace, todo: list, rows: list[Row], subject: str) -> None:
     from tqdm import tqdm
 
     from geodesic_motion_studies.faults.suite import run_cases
@@ -116,7 +124,8 @@ def _run_all(arguments: argparse.Namespace, todo: list, rows: list[Row]) -> None
         def begun(case: Case) -> None:
             bar.set_description(f"{case.fault.name}, {case.phase}")
 
-        for row in run_cases(arguments.skill, arguments.out, arguments.domain, todo, begun, arguments.output):
+        given = arguments.skill, arguments.out, arguments.domain, todo, begun, arguments.output, subject
+        for row in run_cases(*given):
             rows.append(row)
             bar.update()
             if row.passed is False:

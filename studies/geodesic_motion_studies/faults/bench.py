@@ -18,6 +18,7 @@ from sensor_msgs.msg import JointState
 from visualization_msgs.msg import MarkerArray
 
 from geodesic_motion_ros.demo.demo_run import Processes, isolated_environment
+from geodesic_motion_ros.nodes.parameter_tables import TABLES
 from geodesic_motion_ros.nodes.twin_parameters import start_joints
 from geodesic_motion_ros.robot.collision_model import CollisionModel
 from geodesic_motion_ros.robot.kinematics import Robot
@@ -27,7 +28,17 @@ from geodesic_motion_ros.utils.shared_files import find_shared
 from geodesic_motion_studies.faults.asking import Asking
 from geodesic_motion_studies.faults.bench_clock import BenchClock
 from geodesic_motion_studies.faults.commands import Commands
-from geodesic_motion_studies.faults.fault import MOTION, START, STATE_TIMEOUT, Fault, Findings, NotSeenError
+from geodesic_motion_studies.faults.fault import (
+    FILTER,
+    MOTION,
+    PLANNER,
+    START,
+    STATE_TIMEOUT,
+    Fault,
+    Findings,
+    NotSeenError,
+)
+from geodesic_motion_studies.faults.offering import AS_PLANNED, Offering
 from geodesic_motion_studies.faults.record import Record, Status
 from geodesic_motion_studies.faults.relay import Relay
 from geodesic_motion_studies.faults.standstill import Standstill
@@ -37,6 +48,7 @@ START_PATIENCE, PATIENCE = 60.0, 25.0
 #: Topics between twin and planner that a relay stands in.
 RELAYED = {"joint_states": JointState, "obstacles": MarkerArray, "obstacle_point": PointStamped}
 _PLANNER = {"latent_view_rate": 0.0, "state_timeout": STATE_TIMEOUT}
+_OF_FILTER = {parameter.name for parameter in TABLES[FILTER]}
 #: An arm whose joints are so far off [rad] is where it begins.
 _AT_START = 0.02
 
@@ -57,10 +69,12 @@ class Bench:
         domain: int,
         planner_on: Sequence[str] = (),
         output: str = "joint_trajectory",
+        subject: str = PLANNER,
     ) -> None:
         """skill : a folder, or the name of a shipped skill. folder : for parameter files and logs of the nodes.
         output : what commands the arm, joint_trajectory or target_pose.
-        planner_on : a command that runs the planner on another host; none: it runs on this one.
+        subject : whose faults these are. A filter goes by the name of the planner, and is offered the motions of the
+        skill. planner_on : a command that runs the planner on another host; none: it runs on this one.
         """
         self.skill_name, self.skill = skill, Skill.load(skill)
         self.robot = Robot.named(self.skill.robot)
@@ -68,7 +82,7 @@ class Bench:
         self._body = CollisionModel.named(self.skill.robot)
         # Compiled now, not while messages wait to be passed on.
         self._body.positions(self.robot, self.robot.ready[None])
-        self.domain = domain
+        self.domain, self.subject = domain, subject
         if planner_on:
             # That of a bench on one host, which began this process: it keeps to the loopback device.
             os.environ.pop("FASTRTPS_DEFAULT_PROFILES_FILE", None)
@@ -98,7 +112,10 @@ class Bench:
         self.clock = BenchClock(self.node)
         self.relays = {topic: Relay(self.node, kind, topic, f"relayed/{topic}") for topic, kind in RELAYED.items()}
         self.seen = Record(self.node, self.robot, self.clock)
-        self.asks = Asking(self.node, self.skill, self.relays["obstacles"], self.wait)
+        if subject == FILTER:
+            self.asks: Asking = Offering(self.node, self.skill, self.relays["obstacles"], self.wait, self.seen)
+        else:
+            self.asks = Asking(self.node, self.skill, self.relays["obstacles"], self.wait)
         self.commands = Commands(self._context, self.skill, self.robot, output, self.clock, self.seen)
         # Nor for a collection of all libraries' objects.
         gc.collect()
@@ -119,15 +136,23 @@ class Bench:
 
     def start(self, name: str, parameters: Mapping[str, Any]) -> None:
         """Start `planner` or `twin`; its parameters are those of the bench and these."""
-        given = {"skill": self.skill_name, **parameters}
         if name == "planner":
-            remapped = {topic: f"relayed/{topic}" for topic in RELAYED}
-            self.processes.start(
-                name, _PLANNER | {"output": self.commands.topic} | given, remapped, self._planner_on
-            )
+            self._start_planner(self.processes, parameters, self._planner_on)
         else:
-            self.processes.start(name, given)
+            self.processes.start(name, {"skill": self.skill_name, **parameters})
         self._given[name] = dict(parameters)
+
+    def _start_planner(
+        self, processes: Processes, parameters: Mapping[str, Any], before: Sequence[str] = ()
+    ) -> None:
+        remapped = {topic: f"relayed/{topic}" for topic in RELAYED}
+        given = _PLANNER | {"skill": self.skill_name, "output": self.commands.topic, **parameters}
+        if self.subject == FILTER:
+            given = {"robot": self.skill.robot, "scene": "none", **AS_PLANNED, **given}
+            given = {key: value for key, value in given.items() if key in _OF_FILTER}
+            processes.start("planner", given, remapped | {"__node": "planner"}, before, "nodes.filter_node")
+        else:
+            processes.start("planner", given, remapped, before)
 
     def prepare(self, planner: Mapping[str, Any], twin: Mapping[str, Any], fresh: bool = False) -> None:
         """Bring both nodes to where the arm stands at its start without a goal, nothing disturbed."""
@@ -165,7 +190,7 @@ class Bench:
     def attempt(self, parameters: Mapping[str, Any]) -> tuple[int, str]:
         """Start another planner, which is to refuse its parameters: its exit code and what it says."""
         with Processes(self.folder / "refused", self.environment) as processes:
-            processes.start("planner", _PLANNER | {"skill": self.skill_name, **parameters})
+            self._start_planner(processes, parameters)
             began = time.monotonic()
             self.wait(
                 lambda: processes.exit_code("planner") is not None or time.monotonic() > began + START_PATIENCE,

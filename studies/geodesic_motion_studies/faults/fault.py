@@ -18,6 +18,10 @@ if TYPE_CHECKING:
 #: When a fault is injected: before the arm has a goal, halfway, and just before it arrives.
 START, MOTION, GOAL = "start", "motion", "goal"
 PHASES = (START, MOTION, GOAL)
+#: Whose faults they are: of the node `planner`, whose goals are those of a skill, or of `filter`, to which the same
+#: motions are offered.
+SUBJECTS = PLANNER, FILTER = "planner", "filter"
+PLANNER_ALONE, FILTER_ALONE = (PLANNER,), (FILTER,)
 
 
 #: The planner under test stops the arm when joint states are older than this [s]: less than by default, which leaves an
@@ -99,7 +103,7 @@ class Fault(ABC):
     Attributes
     ----------
     name : as the command line knows it. criterion : when it passes, one sentence.
-    phases : in which it makes sense.
+    phases : in which it makes sense. subjects : of which it makes sense.
     in_motion : how much of its time a motion still needs in that phase, share of the whole. near_goal : likewise [s].
     long : whether it takes minutes. fresh : whether it needs nodes that have just started, and
         leaves none that another could use.
@@ -109,6 +113,7 @@ class Fault(ABC):
     name: str
     criterion: str
     phases: tuple[str, ...] = PHASES
+    subjects: tuple[str, ...] = SUBJECTS
     in_motion: tuple[float, float] = (0.4, 0.7)
     near_goal: tuple[float, float] = (0.3, 0.8)
     long: bool = False

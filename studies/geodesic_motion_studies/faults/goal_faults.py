@@ -9,7 +9,7 @@ import numpy as np
 from geometry_msgs.msg import PoseStamped
 
 from geodesic_motion_studies.faults.bench import Bench
-from geodesic_motion_studies.faults.fault import START, Fault, Findings
+from geodesic_motion_studies.faults.fault import PLANNER_ALONE, START, Fault, Findings
 from geodesic_motion_studies.faults.state_faults import refused, require_only_ok, require_refused
 
 #: How long a motion is watched that must not change [s].
@@ -38,6 +38,7 @@ def require_unchanged(bench: Bench, findings: Findings, phase: str, since: float
 class GoalsRefused(Fault):
     """Goals that are none, each in a message of its own."""
 
+    subjects = PLANNER_ALONE
     text: str
 
     def messages(self, bench: Bench, random: np.random.Generator) -> Sequence[PoseStamped]:
@@ -88,6 +89,7 @@ class GoalUnknownFrame(GoalsRefused):
 
 
 class GoalOutside(Fault):
+    subjects = PLANNER_ALONE
     name = "goal_outside"
     criterion = "a goal that nobody has shown: GOAL_OUT_OF_SUPPORT, its distance stated, reference unchanged"
 
@@ -108,6 +110,7 @@ class GoalOutside(Fault):
 class SameGoal(Fault):
     """The skill's goal in another form: the path stays the same."""
 
+    subjects = PLANNER_ALONE
     def other_form(self, quaternion: np.ndarray) -> np.ndarray:
         """The goal's quaternion (4,) as it is sent."""
         raise NotImplementedError

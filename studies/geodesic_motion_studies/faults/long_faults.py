@@ -12,7 +12,15 @@ from typing import Any
 import numpy as np
 
 from geodesic_motion_studies.faults.bench import RELAYED, Bench
-from geodesic_motion_studies.faults.fault import MOTION, START, Fault, FaultSkipped, Findings, NotSeenError
+from geodesic_motion_studies.faults.fault import (
+    MOTION,
+    PLANNER_ALONE,
+    START,
+    Fault,
+    FaultSkipped,
+    Findings,
+    NotSeenError,
+)
 from geodesic_motion_studies.faults.fuzz import INPUTS, Fuzzer
 from geodesic_motion_studies.faults.obstacle_faults import coming_to
 from geodesic_motion_studies.faults.state_faults import refused
@@ -31,6 +39,7 @@ _AHEAD = 0.30
 
 
 class GoalsFlood(Fault):
+    subjects = PLANNER_ALONE
     name = "goals_10_hz"
     criterion = "goals at 10 Hz: every command as promised; after 60 s, memory grows by less than 5 MB in 60 s"
     phases = (MOTION,)
@@ -54,6 +63,7 @@ class GoalsFlood(Fault):
 
 
 class FuzzedMessages(Fault):
+    subjects = PLANNER_ALONE
     name = "fuzzed_messages"
     criterion = "10,000 messages of nonsense on each input: no exception escapes, the status still answers"
     phases = (MOTION,)
@@ -78,6 +88,7 @@ class FuzzedMessages(Fault):
 
 
 class ManyLives(Fault):
+    subjects = PLANNER_ALONE
     name = "created_100_times"
     criterion = "nodes created and destroyed 100 times in a process: no more threads or descriptors, less than 20 MB"
     phases = (START,)
@@ -94,6 +105,7 @@ class ManyLives(Fault):
 class Soak(Fault):
     """Attributes: minutes, how long it takes."""
 
+    subjects = PLANNER_ALONE
     name = "soak"
     criterion = "moving spheres and changing goals: no contact, p99 drifts < 10 %, memory grows < 50 MB"
     phases = (START,)
@@ -134,6 +146,7 @@ class Soak(Fault):
 
 
 class TwoHosts(Fault):
+    subjects = PLANNER_ALONE
     name = "two_hosts"
     criterion = "planner and twin on two hosts, 5 ms and 1 % loss between them: runs as on one, promises hold"
     phases = (START,)

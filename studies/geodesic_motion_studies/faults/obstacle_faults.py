@@ -17,7 +17,15 @@ from geodesic_motion_ros.nodes.marker_messages import sphere_marker
 from geodesic_motion_ros.nodes.parameter_tables import PLANNER
 from geodesic_motion_studies.faults.asking import Sphere
 from geodesic_motion_studies.faults.bench import Bench
-from geodesic_motion_studies.faults.fault import GOAL, MOTION, START, Fault, FaultSkipped, Findings
+from geodesic_motion_studies.faults.fault import (
+    GOAL,
+    MOTION,
+    PLANNER_ALONE,
+    START,
+    Fault,
+    FaultSkipped,
+    Findings,
+)
 from geodesic_motion_studies.faults.goal_faults import require_unchanged
 from geodesic_motion_studies.faults.record import Status, ahead
 from geodesic_motion_studies.faults.relay import Relay
@@ -312,6 +320,7 @@ class GoalCovered(Fault):
 
 
 class ManyObstacles(Fault):
+    subjects = PLANNER_ALONE
     name = "many_obstacles"
     criterion = (
         "1 to 50 obstacles, then none: misses counted, the planner's plan the same bytes as before (the weights "

@@ -16,7 +16,7 @@ from geodesic_motion_ros.nodes.newest_goal import PREPARING
 from geodesic_motion_ros.nodes.parameter_tables import TWIN
 from geodesic_motion_ros.utils.shared_files import find_shared
 from geodesic_motion_studies.faults.bench import Bench
-from geodesic_motion_studies.faults.fault import START, Fault, Findings, NotSeenError
+from geodesic_motion_studies.faults.fault import PLANNER_ALONE, START, Fault, Findings, NotSeenError
 from geodesic_motion_studies.faults.goal_faults import require_unchanged
 
 #: The first joint is turned by so much from where anybody has shown a start [rad].
@@ -57,6 +57,7 @@ class BadParameterAtStart(Refused):
 
 
 class SkillMissing(Refused):
+    subjects = PLANNER_ALONE
     name = "skill_missing"
     criterion = "no skill there: refused, path and reason"
     texts = ("no skill folder",)
@@ -68,6 +69,7 @@ class SkillMissing(Refused):
 class DamagedSkill(Refused):
     """A copy of the skill with something changed."""
 
+    subjects = PLANNER_ALONE
     def parameters(self, bench: Bench) -> Mapping[str, Any]:
         shipped = Path(bench.skill_name)
         folder = shipped if shipped.is_dir() else find_shared(f"models/{bench.skill_name}")
@@ -146,6 +148,7 @@ class BadParameterRunning(Fault):
 
 
 class StartFar(Fault):
+    subjects = PLANNER_ALONE
     name = "start_far"
     criterion = "the arm stands where nobody has shown a start: START_OUT_OF_SUPPORT, or a certified bridge; no snap"
     phases = (START,)

@@ -126,7 +126,7 @@ class StateReordered(Fault):
 
 class StateLacksJoint(Fault):
     name = "state_lacks_joint"
-    criterion = "a joint is missing: refused, the joint named; STALE_STATE, stop; resumes"
+    criterion = "a joint is missing: STALE_STATE <= 100 ms after state_timeout, the joint named, stop; resumes"
 
     def run(self, bench: Bench, phase: str, random: np.random.Generator, findings: Findings) -> None:
         lost = int(random.integers(len(bench.robot.joint_names)))
@@ -136,11 +136,11 @@ class StateLacksJoint(Fault):
                 del values[lost]
             return [message]
 
-        relay, before = bench.relays["joint_states"], refused(bench, "joint_states")
+        relay = bench.relays["joint_states"]
         since = relay.last_passed + STATE_TIMEOUT
         relay.change = lacking
-        require_hold(bench, findings, "STALE_STATE", "joint_states", since)
-        require_refused(bench, findings, "joint_states", 1, before, bench.robot.joint_names[lost])
+        # The others may come in other messages.
+        require_hold(bench, findings, "STALE_STATE", bench.robot.joint_names[lost], since)
         relay.release()
         bench.finish(findings)
 

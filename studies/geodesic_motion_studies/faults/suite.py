@@ -10,7 +10,7 @@ import numpy as np
 
 from geodesic_motion_ros.utils.errors import GeodesicMotionError
 from geodesic_motion_studies.faults.bench import Bench
-from geodesic_motion_studies.faults.fault import Fault, FaultSkipped, Findings, Row
+from geodesic_motion_studies.faults.fault import PLANNER, Fault, FaultSkipped, Findings, Row
 
 
 @dataclass(frozen=True)
@@ -38,15 +38,16 @@ def run_cases(
     todo: Sequence[Case],
     begun: Callable[[Case], None] = lambda case: None,
     output: str = "joint_trajectory",
+    subject: str = PLANNER,
 ) -> Iterator[Row]:
     """Run cases on the two nodes of a skill; one row each, as soon as it is there.
 
     Parameters
     ----------
     folder : parameter files and logs of the nodes go there. begun : receives each case before it runs.
-    output : what commands the arm, joint_trajectory or target_pose.
+    output : what commands the arm, joint_trajectory or target_pose. subject : as of `Bench`.
     """
-    with Bench(skill, folder, domain, output=output) as bench:
+    with Bench(skill, folder, domain, output=output, subject=subject) as bench:
         for case in todo:
             begun(case)
             yield run_case(bench, case)

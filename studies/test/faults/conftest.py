@@ -137,7 +137,7 @@ class MadePlanner:
         timeout = 0.03 if "knows no patience" in self.flaws else STATE_TIMEOUT
         deaf = "does not mind silence" in self.flaws
         if now - self.stamp > timeout and not deaf:
-            return "STALE_STATE", "no joint_states"
+            return "STALE_STATE", f"no joint_states; {self.reason}"
         if not self.goal:
             return "NO_GOAL", "no goal"
         if abs(self.seen[0] - self.share) > 0.1 or np.any(np.abs(self.seen[1:]) > 0.1):

@@ -20,10 +20,7 @@ FLAWS: dict[str, dict[str, str]] = {
     "state_late_50": {"knows no patience": "waiting for arrival", "hesitates": "were not OK"},
     "state_jitter": {"knows no patience": "waiting for arrival", "hesitates": "were not OK"},
     "state_reordered": {"reads in order": "waiting for arrival", "hesitates": "were not OK"},
-    "state_lacks_joint": {
-        "does not count": "messages of joint_states refused", "does not say why": "does not name",
-        "reacts late": "STALE_STATE after",
-    },
+    "state_lacks_joint": {"does not say why": "waiting for STALE_STATE", "reacts late": "STALE_STATE after"},
     "state_not_finite": {
         "does not count": "messages of joint_states refused", "stops for nonsense": "waiting for arrival",
         "hesitates": "were not OK",

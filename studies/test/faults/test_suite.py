@@ -8,7 +8,7 @@ import pytest
 
 from geodesic_motion_ros.utils.errors import ParameterError
 from geodesic_motion_studies.faults.catalogue import FAULTS, chosen
-from geodesic_motion_studies.faults.fault import PHASES, Fault, Figure, Findings
+from geodesic_motion_studies.faults.fault import PHASES, SUBJECTS, Fault, Figure, Findings
 from geodesic_motion_studies.faults.suite import cases
 
 
@@ -43,7 +43,10 @@ def test_cases_with_the_same_nodes_follow_each_other() -> None:
 
 def test_faults_are_chosen_by_name_and_unknown_ones_refused() -> None:
     assert [fault.name for fault in chosen(["state_stops"], False)] == ["state_stops"]
-    assert {fault.name for fault in chosen(None, True)} == {fault.name for fault in FAULTS}
+    every = [{fault.name for fault in chosen(None, True, subject)} for subject in SUBJECTS]
+    assert set.union(*every) == {fault.name for fault in FAULTS}
+    assert "goal_not_finite" in every[0] - every[1]
+    assert "offer_not_finite" in every[1] - every[0]
     assert not any(fault.long for fault in chosen(None, False))
     with pytest.raises(ParameterError, match="did you mean state_stops"):
         chosen(["state_stop"], False)
