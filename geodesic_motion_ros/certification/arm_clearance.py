@@ -26,6 +26,17 @@ def configuration_clearance(
     return obstacle_clearance(model, robot, configuration, Obstacles.of_spheres(centres, radii))
 
 
+def overlap(model: CollisionModel, robot: Robot, configuration: np.ndarray, obstacles: Obstacles) -> tuple[float, str]:
+    """Return the clearance [m] of a configuration (eta,) [rad] from obstacles; and which link overlaps which one, ""
+    where none does.
+    """
+    clearance, sphere = obstacle_clearance(model, robot, configuration, obstacles)
+    if clearance > 0.0:
+        return clearance, ""
+    name = nearest_obstacle(model, robot, configuration, obstacles)
+    return clearance, f"'{model.link_of(sphere)}' overlaps {name} by {-1000 * clearance:.0f} mm"
+
+
 def nearest_obstacle(model: CollisionModel, robot: Robot, configuration: np.ndarray, obstacles: Obstacles) -> str:
     """Name the obstacle that is nearest to the moving spheres in a configuration (eta,) [rad]; one without a name by
     where it is.

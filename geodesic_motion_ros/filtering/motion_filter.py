@@ -214,7 +214,8 @@ class MotionFilter(StreamingPlanner[FilteredArm]):
             progress = float(situation.state.latent[0])
             verdict = followed.verdict if clearance is None else followed.verdict.with_figures(clearance=clearance)
             if situation.at_rest and progress >= offer.duration - 1e-6:
-                return situation.go_on(Verdict(reason="the trajectory has been played", figures=verdict.figures))
+                played = Verdict(reason="the trajectory has been played", figures=verdict.figures)
+                return situation.go_on(played, replace(followed, purpose=Purpose.GOAL))
             if clearance is not None and followed.purpose is Purpose.GOAL:
                 return situation.go_on(verdict)
         else:
@@ -286,7 +287,8 @@ class MotionFilter(StreamingPlanner[FilteredArm]):
     def _evade(self, situation: Situation, offer: Offer, progress: float, refusal: Refusal) -> Step | None:
         """Make room for what comes to where a blocked arm rests, or evades to; None: it need not, or cannot."""
         stays = not (self._recovers and (situation.at_rest or situation.is_evading) and situation.settings.avoidance)
-        if stays or situation.obstacles.is_static or refusal.code is not VerdictCode.NO_FEASIBLE_PATH:
+        blocked = refusal.code in (VerdictCode.NO_FEASIBLE_PATH, VerdictCode.IN_COLLISION)
+        if stays or situation.obstacles.is_static or not blocked:
             return None
         question = Question(offer, situation.obstacles)
         if situation.satisfies_without_evasion(situation.requirements.beside_graph):

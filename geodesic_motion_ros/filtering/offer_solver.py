@@ -13,7 +13,7 @@ from itertools import chain
 
 import numpy as np
 
-from geodesic_motion_ros.certification.arm_clearance import obstacle_clearance
+from geodesic_motion_ros.certification.arm_clearance import obstacle_clearance, overlap
 from geodesic_motion_ros.certification.arm_in_scene import ArmInScene
 from geodesic_motion_ros.certification.declared_scene import DeclaredScene
 from geodesic_motion_ros.contract.settings import PlannerSettings
@@ -108,7 +108,10 @@ class OfferSolver(MotionJudge):
         objection = self.certifier.objection(certificate, margin)
         figures = Figures(clearance=float(np.min(certificate.clearance)), in_support=True)
         if objection and self.settings.avoidance:
-            return Plan(None, state.time, Refusal(VerdictCode.NO_FEASIBLE_PATH, objection, figures))
+            _, overlapping = overlap(self.collision, self.robot, state.position, obstacles)
+            code = VerdictCode.IN_COLLISION if overlapping else VerdictCode.NO_FEASIBLE_PATH
+            reason = f"{overlapping} where the arm is" if overlapping else objection
+            return Plan(None, state.time, Refusal(code, reason, figures))
         return Plan(self.certifier.judge(reference, certificate), state.time, Verdict(figures=figures))
 
     def longest_free(

@@ -11,7 +11,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from geodesic_motion_ros.certification.arm_clearance import nearest_obstacle, obstacle_clearance
+from geodesic_motion_ros.certification.arm_clearance import obstacle_clearance, overlap
 from geodesic_motion_ros.certification.certificate import Certificate
 from geodesic_motion_ros.certification.declared_scene import DeclaredScene
 from geodesic_motion_ros.contract import settings as constants
@@ -250,11 +250,8 @@ class Solver(MotionJudge):
             ("stands", state.position, VerdictCode.IN_COLLISION, obstacles),
             ("is to go", query.goal, VerdictCode.NO_FEASIBLE_PATH, later),
         ):
-            clearance, sphere = obstacle_clearance(self.collision, self.robot, configuration, there)
-            reason = self._entered_scene(configuration)
-            if not clearance > 0.0:
-                name = nearest_obstacle(self.collision, self.robot, configuration, there)
-                reason = f"'{self.collision.link_of(sphere)}' overlaps {name} by {-1000 * clearance:.0f} mm"
+            clearance, overlapping = overlap(self.collision, self.robot, configuration, there)
+            reason = overlapping or self._entered_scene(configuration)
             if reason:
                 figures = replace(query.misfits, clearance=clearance if clearance <= 0.0 else math.nan)
                 if configuration is query.goal:

@@ -16,7 +16,6 @@ from functools import partial
 import numpy as np
 
 from geodesic_motion_ros.certification.declared_scene import DeclaredScene, check_demonstrations
-from geodesic_motion_ros.contract import settings as constants
 from geodesic_motion_ros.contract.settings import PlannerSettings
 from geodesic_motion_ros.contract.status import Refusal, Verdict, VerdictCode
 from geodesic_motion_ros.geometry.task_frame import TaskFrame
@@ -38,8 +37,6 @@ from geodesic_motion_ros.robot.collision_model import CollisionModel
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.robot.limits import JointLimits
 from geodesic_motion_ros.skill.skill import Skill
-from geodesic_motion_ros.utils.checked_numbers import check_number
-from geodesic_motion_ros.utils.errors import PlanningError
 
 
 class ReactivePlanner(StreamingPlanner[GuardedArm]):
@@ -207,21 +204,6 @@ class ReactivePlanner(StreamingPlanner[GuardedArm]):
     def clear_goal(self) -> None:
         """Forget the goal; ticks answer NO_GOAL until the next."""
         self._mission = Mission()
-
-    def set_detour(self, reach: float) -> Verdict:
-        """Say, from any thread, how far [m] the tool may leave what was demonstrated; a detour being followed stays.
-
-        BAD_INPUT where that is negative, not finite or more than `LARGEST_DETOUR`, or more than 0 where no scene was
-        declared; then nothing changes.
-        """
-        try:
-            check_number("detour [m]", reach, 0.0, constants.LARGEST_DETOUR)
-        except PlanningError as error:
-            return Refusal(VerdictCode.BAD_INPUT, str(error))
-        if reach > 0.0 and not self.may_detour:
-            return Refusal(VerdictCode.BAD_INPUT, f"detour {reach} m: it is not known what stands around the arm")
-        self._reach = float(reach)
-        return Verdict()
 
     def _prepared_arm(self, arm: GuardedArm, holds_others: bool) -> PreparedArm[GuardedArm]:
         query = before = self._mission.query

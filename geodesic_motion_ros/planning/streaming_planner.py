@@ -208,6 +208,22 @@ class StreamingPlanner(ABC, Generic[Arm]):
         """Say what the hand holds from now on, all of it; nothing: (). Prepares the objects and takes them."""
         return self.take_arm(self.prepare_arm(objects))
 
+    def set_detour(self, reach: float) -> Verdict:
+        """Say, from any thread, how far [m] the tool may leave what was demonstrated, or offered; a detour that is
+        being followed stays.
+
+        BAD_INPUT where that is negative, not finite or more than `LARGEST_DETOUR`, or more than 0 where no scene was
+        declared; then nothing changes.
+        """
+        try:
+            check_number("detour [m]", reach, 0.0, constants.LARGEST_DETOUR)
+        except PlanningError as error:
+            return Refusal(VerdictCode.BAD_INPUT, str(error))
+        if reach > 0.0 and not self.may_detour:
+            return Refusal(VerdictCode.BAD_INPUT, f"detour {reach} m: it is not known what stands around the arm")
+        self._reach = float(reach)
+        return Verdict()
+
     def change_settings(self, **changes: Any) -> Verdict:
         """Change settings by their names, those of `CHANGEABLE`: prepares the change and takes it."""
         return self.take_arm(self.prepare_arm(None, **changes))
