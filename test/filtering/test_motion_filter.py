@@ -144,6 +144,20 @@ def test_nothing_is_touched_that_crosses_the_path(
     assert keeps_limits(filtering)
 
 
+def test_an_arm_inside_an_obstacle_is_in_collision_and_goes_on_when_that_is_removed(filtering: Filtering) -> None:
+    hand, _ = filtering.filter.robot.forward(BEGIN)
+    filtering.filter.observe(Obstacles.of_spheres(hand[None], np.array([0.1])))
+    times = np.linspace(0.0, DURATION, 76)
+    assert filtering.filter.offer(times, offered(times)[0]).ok
+    plan = filtering.run(0.5)
+    assert plan.verdict.code is VerdictCode.IN_COLLISION
+    assert "overlaps the sphere at" in plan.verdict.reason
+    np.testing.assert_array_equal(filtering.positions[-1], BEGIN)
+    filtering.filter.observe(Obstacles.none())
+    filtering.run(DURATION + 0.5)
+    np.testing.assert_allclose(filtering.positions[-1], BEGIN + MOVED, atol=1e-6)
+
+
 def test_an_arm_that_is_pushed_towards_an_obstacle_keeps_its_margin_and_may_leave(filtering: Filtering) -> None:
     """Fifty targets a second lead into a sphere on the path, and then back. The control: they reach into it."""
     sphere = Obstacles.of_spheres(halfway(filtering)[None], np.array([RADIUS]))

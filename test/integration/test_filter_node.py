@@ -7,6 +7,8 @@ import pytest
 from bench import Bench
 from builtin_interfaces.msg import Duration
 from diagnostic_msgs.msg import DiagnosticArray
+from rcl_interfaces.srv import SetParametersAtomically
+from rclpy.parameter import Parameter
 from sensor_msgs.msg import JointState
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
@@ -163,3 +165,12 @@ def test_it_follows_targets_that_stream(arm: Bench) -> None:
 
     arm.repeat(0.02, move_on)
     arm.wait(lambda: is_at(arm, END), "the last target")
+
+
+def test_it_takes_parameters_while_it_runs(arm: Bench) -> None:
+    wanted = [Parameter("speed_override", value=0.5), Parameter("detour", value=0.1)]
+    request = SetParametersAtomically.Request(parameters=[one.to_parameter_msg() for one in wanted])
+    result = arm.call(SetParametersAtomically, "filter/set_parameters_atomically", request).result
+    assert result.successful, result.reason
+    send(arm, BEGIN, END)
+    arm.wait(lambda: is_at(arm, END) and status(arm)["speed_override"] == "0.5", "the end of the trajectory")
