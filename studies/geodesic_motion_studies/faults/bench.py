@@ -48,7 +48,7 @@ START_PATIENCE, PATIENCE = 60.0, 25.0
 #: Topics between twin and planner that a relay stands in.
 RELAYED = {"joint_states": JointState, "obstacles": MarkerArray, "obstacle_point": PointStamped}
 _PLANNER = {"latent_view_rate": 0.0, "state_timeout": STATE_TIMEOUT}
-_OF_FILTER = {parameter.name for parameter in TABLES[FILTER]}
+_OF_FILTER = {"use_sim_time", *(parameter.name for parameter in TABLES[FILTER])}
 #: An arm whose joints are so far off [rad] is where it begins.
 _AT_START = 0.02
 

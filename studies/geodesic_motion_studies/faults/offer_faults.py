@@ -32,11 +32,12 @@ class OffersRefused(Fault):
 
     def run(self, bench: Bench, phase: str, random: np.random.Generator, findings: Findings) -> None:
         assert isinstance(bench.asks, Offering)
+        motion = bench.asks.newest or bench.asks.motion()
         since = time.monotonic()
-        for motion, age in self.spoiled(bench.asks.motion(), random):
+        for spoiled, age in self.spoiled(motion, random):
             sent = time.monotonic()
             now = 1e-9 * bench.node.get_clock().now().nanoseconds
-            bench.asks.offer(motion, now - age if age else 0.0)
+            bench.asks.offer(spoiled, now - age if age else 0.0)
             said = bench.verdict("BAD_INPUT", self.text, sent, of="goal_")
             findings.note(said.values["goal_reason"])
         require_unchanged(bench, findings, phase, since)

@@ -32,12 +32,18 @@ AS_PLANNED = {name: getattr(PlannerSettings(), name) for name in ("speed_scale",
 
 
 class Offering(Asking):
-    """Talks to filter and twin: where a planner is asked for a goal, a motion there is offered."""
+    """Talks to filter and twin: where a planner is asked for a goal, a motion there is offered.
+
+    Attributes
+    ----------
+    newest : the motion that was offered last to lead to the goal; None: none was.
+    """
 
     def __init__(self, node: Node, skill: Skill, obstacles: Relay, wait: Wait, seen: Record) -> None:
         """seen : knows where the arm is, from where motions begin."""
         super().__init__(node, skill, obstacles, wait)
         self._seen, self._planner = seen, ReactivePlanner(skill, scene=DeclaredScene.empty())
+        self.newest: JointReference | None = None
         self._thread = ThreadPoolExecutor(1)
         mean = skill.mean_configuration("goal")
         self._goal = self._planner.arm.queries.goal_by_configuration(mean, TaskFrame.identity())
@@ -50,7 +56,8 @@ class Offering(Asking):
 
     def send_goal(self, pose: np.ndarray | None = None, frame: str | None = None) -> None:
         """Offer the motion to the mean of the shown goals from where the arm is, at once."""
-        self.offer(self.motion())
+        self.newest = self.motion()
+        self.offer(self.newest)
 
     def offer(self, motion: JointReference, stamp: float = 0.0) -> None:
         """Offer a motion that begins at a time [s] of the ROS clock; 0: at once."""
