@@ -238,7 +238,8 @@ def run(arguments: argparse.Namespace, measures: Mapping[str, Measure] | None = 
     if chosen_by_data:
         training, provenance["dimension"] = _with_chosen_dimension(training, paths[0].stem)
     workload = training.workload()
-    print(f"{workload}; about {workload.measure_seconds():.0f} s on this machine, if it is not busy", flush=True)
+    seconds = workload.measure_seconds()
+    print(f"{workload}; about {seconds:.0f} s on this machine, if it is not busy, before graph and report", flush=True)
     with progress_bar(paths[0].stem) as progress:
         skill = training.learn(name, progress, provenance)
     if scene is not None:
@@ -267,6 +268,8 @@ def _with_chosen_dimension(
     training: train_joint.JointTraining | train_task.TaskTraining, name: str
 ) -> tuple[train_joint.JointTraining | train_task.TaskTraining, dict[str, Any]]:
     """The training with the latent dimension that its demonstrations speak for, and the figures it was chosen by."""
+    from tqdm import tqdm
+
     from geodesic_motion_ros.learning.dimension import FOLDS, DimensionFigures, shortened
 
     brief: Any = shortened(training.settings)
@@ -282,7 +285,7 @@ def _with_chosen_dimension(
     def noted(dimension: int, errors: np.ndarray) -> None:
         figures = DimensionFigures((dimension,), errors[None])
         mean, error = 1e3 * figures.means[0], 1e3 * figures.standard_errors[0]
-        print(f"{dimension:10}  {mean:20.2f}  {error:19.2f}", flush=True)
+        tqdm.write(f"{dimension:10}  {mean:20.2f}  {error:19.2f}")
 
     with progress_bar(name) as progress:
         figures = training.compare_dimensions(progress, noted)
