@@ -42,8 +42,10 @@ class Status(NamedTuple):
 
     @property
     def without_goal(self) -> bool:
-        """Whether the planner has no goal: then what it says is why, of the newest one asked for."""
-        return self.code != "OK" and self.code == self.values["goal_code"]
+        """Whether the planner has no goal: then what it says is why, of the newest one asked for. A filter says NO_GOAL
+        also where it has refused the newest.
+        """
+        return self.code == "NO_GOAL" or (self.code != "OK" and self.code == self.values["goal_code"])
 
     @property
     def lost(self) -> bool:
