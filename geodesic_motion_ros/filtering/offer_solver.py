@@ -100,10 +100,16 @@ class OfferSolver(MotionJudge):
             path, latent, self.limits, *begun, tool=self.tool, shown=passed, longest=longest
         )  # fmt: skip
 
-    def certified(self, reference: JointReference, state: MotionState, obstacles: Obstacles) -> Plan:
-        """Return the plan of a motion from a state, certified among obstacles; or what its certificate objects to."""
+    def certified(
+        self, reference: JointReference, state: MotionState, obstacles: Obstacles, stands: bool = False
+    ) -> Plan:
+        """Return the plan of a motion from a state, certified among obstacles; or what its certificate objects to.
+
+        stands : the arm waits where it ends: as long as obstacles are predicted, that is certified too.
+        """
         swept, required = self.certifier.sweep(reference), self.requirements.offer
-        certificate, _ = self.certifier.assess(swept, obstacles, required)
+        whole = swept.stand_until(required.horizon) if stands else swept
+        certificate, _ = self.certifier.assess(whole, obstacles, required)
         margin = required.margin(obstacles, float(certificate.clearance[0]))
         objection = self.certifier.objection(certificate, margin)
         figures = Figures(clearance=float(np.min(certificate.clearance)), in_support=True)
@@ -123,17 +129,31 @@ class OfferSolver(MotionJudge):
         deadline: Deadline = NEVER,
     ) -> Plan | None:
         """Return the certified motion that plays a motion as long as is free, or as was found in time, and brakes along
-        it; None where not even a stop at once is free.
+        it; None where not even a stop at once is free. It ends where nothing comes as long as is predicted, if there is
+        such a place.
 
         allowed : returns a plan, or its refusal where it may not be followed.
         """
+        given = reference, state, obstacles, allowed, deadline
+        return self._longest_free(*given, stands=True) or self._longest_free(*given, stands=False)
+
+    def _longest_free(
+        self,
+        reference: JointReference,
+        state: MotionState,
+        obstacles: Obstacles,
+        allowed: Callable[[Plan], Plan],
+        deadline: Deadline,
+        stands: bool,
+    ) -> Plan | None:
+        """`longest_free`; stands : as of `certified`."""
         best: Plan | None = None
         free, blocked = 0.0, reference.duration
         while best is None or (blocked - free > _FREE_PART and not deadline.passed):
             begin = 0.5 * (free + blocked) if best is not None else 0.0
             stop = stopping_reference(reference, begin, self.limits)
             braked = stop if begin == 0.0 else joined(reference, 0.0, stop, begin)
-            plan = allowed(self.certified(braked, state, obstacles))
+            plan = allowed(self.certified(braked, state, obstacles, stands))
             if plan.trajectory is not None:
                 best, free = plan, begin
             elif best is None:
