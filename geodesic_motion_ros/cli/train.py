@@ -285,7 +285,8 @@ def _with_chosen_dimension(
     def noted(dimension: int, errors: np.ndarray) -> None:
         figures = DimensionFigures((dimension,), errors[None])
         mean, error = 1e3 * figures.means[0], 1e3 * figures.standard_errors[0]
-        tqdm.write(f"{dimension:10}  {mean:20.2f}  {error:19.2f}")
+        with tqdm.external_write_mode():
+            print(f"{dimension:10}  {mean:20.2f}  {error:19.2f}", flush=True)
 
     with progress_bar(name) as progress:
         figures = training.compare_dimensions(progress, noted)

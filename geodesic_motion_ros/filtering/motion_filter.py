@@ -105,8 +105,10 @@ class MotionFilter(StreamingPlanner[FilteredArm]):
         # passes around.
         self._blocked_since = math.inf
         self._passed: Offer | None = None
-        # The last search of a place to evade to, which found none.
+        # The last search of a place to make room that came to its end and found none; and what one that was out of time
+        # has tried.
         self._not_evaded: PastSearch | None = None
+        self._workings = Workings()
         self._detour: tuple[Question, Job[Detour | Refusal]] | None = None
 
     # ---------------------------------------------------------------- inputs
@@ -203,8 +205,7 @@ class MotionFilter(StreamingPlanner[FilteredArm]):
             return situation.begin_stop(Refusal(VerdictCode.NO_GOAL, "no trajectory has been given"))
         if situation.exceeds_limits and (slowed := situation.slowed()) is not None:
             return slowed
-        beside = situation.requirements.beside_graph
-        if followed is not None and _evades(situation) and situation.satisfies_without_evasion(beside):
+        if followed is not None and _evades(situation) and _needs_no_other_place(situation):
             return situation.go_on(followed.verdict)
         follows = followed is not None and followed.query is offer
         stops = followed is None or followed.purpose is Purpose.STOP
@@ -286,23 +287,23 @@ class MotionFilter(StreamingPlanner[FilteredArm]):
 
     def _evade(self, situation: Situation, offer: Offer, progress: float, refusal: Refusal) -> Step | None:
         """Make room for what comes to where a blocked arm rests, or evades to; None: it need not, or cannot."""
-        stays = not (self._recovers and (situation.at_rest or situation.is_evading) and situation.settings.avoidance)
+        may_leave = self._recovers and (situation.at_rest or situation.is_evading) and situation.settings.avoidance
         blocked = refusal.code in (VerdictCode.NO_FEASIBLE_PATH, VerdictCode.IN_COLLISION)
-        if stays or situation.obstacles.is_static or not blocked:
+        if not (may_leave and blocked) or situation.obstacles.is_static or _needs_no_other_place(situation):
             return None
         question = Question(offer, situation.obstacles)
-        if situation.satisfies_without_evasion(situation.requirements.beside_graph):
-            return None
         if not is_due(self._not_evaded, question, situation.now, SEARCH_PERIOD):
             return None
         undisplaced, _ = self.robot.forward(offer.at(progress))
         plan = evasion_beside(
             self._arm.solver, np.array([progress]), situation.state, situation.expected_obstacles,
-            situation.stop.reference, undisplaced, self._reach, Workings(),
+            situation.stop.reference, undisplaced, self._reach, self._workings, situation.deadline,
         )  # fmt: skip
-        self._not_evaded = PastSearch(question, situation.now) if plan is None else None
         if plan is None:
+            # One that was out of time is resumed by the next tick.
+            self._not_evaded = None if situation.deadline.passed else PastSearch(question, situation.now)
             return None
+        self._not_evaded = None
         refusal = refusal.with_figures(clearance=plan.verdict.figures.clearance)
         plan = replace(plan, verdict=refusal.with_remark(EVADING))
         begun = FollowedPlan.of(offer, plan, situation.obstacles, situation.now, Purpose.EVASION)
@@ -358,7 +359,12 @@ class MotionFilter(StreamingPlanner[FilteredArm]):
         return PreparedArm(arm, None, None)
 
     def _arm_taken(self, prepared: PreparedArm[FilteredArm]) -> None:
-        self._attempted = None
+        self._attempted = self._not_evaded = None
+
+
+def _needs_no_other_place(situation: Situation) -> bool:
+    """Whether no obstacle soon meets the arm where it rests, stops or makes room."""
+    return situation.satisfies_without_evasion(situation.requirements.beside_graph)
 
 
 def _evades(situation: Situation) -> bool:

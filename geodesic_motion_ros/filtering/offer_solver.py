@@ -86,12 +86,11 @@ class OfferSolver(MotionJudge):
             return passed, path, latent
 
         is_begun = progress >= first
-        exact = [(offer, _SHORTEST_STEP)] if is_begun and farthest < _ON_TIME else []
-        led = _smoother(offer) if not is_begun or farthest < _NEARLY else ()
-        for one, lead in chain(exact, ((one, _LEAD) for one in led)):
-            kept = kept_times_reference(
-                *rest(one, lead, is_begun), self.limits, *begun, self.tool, leads_in=lead == _LEAD
-            )
+        exact = [(offer, False)] if is_begun and farthest < _ON_TIME else []
+        led = _with_less_jitter(offer) if not is_begun or farthest < _NEARLY else ()
+        for one, leads_in in chain(exact, ((one, True) for one in led)):
+            points = rest(one, _LEAD if leads_in else _SHORTEST_STEP, is_begun)
+            kept = kept_times_reference(*points, self.limits, *begun, self.tool, leads_in)
             if kept is not None:
                 return kept
         passed, path, latent = rest(offer, _SHORTEST_STEP, first - progress < joining)
@@ -114,7 +113,9 @@ class OfferSolver(MotionJudge):
         objection = self.certifier.objection(certificate, margin)
         figures = Figures(clearance=float(np.min(certificate.clearance)), in_support=True)
         if objection and self.settings.avoidance:
-            _, overlapping = overlap(self.collision, self.robot, state.position, obstacles)
+            # No certificate counts more clearance than there is.
+            touches = not certificate.clearance[0] > 0.0
+            overlapping = overlap(self.collision, self.robot, state.position, obstacles)[1] if touches else ""
             code = VerdictCode.IN_COLLISION if overlapping else VerdictCode.NO_FEASIBLE_PATH
             reason = f"{overlapping} where the arm is" if overlapping else objection
             return Plan(None, state.time, Refusal(code, reason, figures))
@@ -175,7 +176,8 @@ class OfferSolver(MotionJudge):
         """Return the cheapest detour beside the rest of an offer, from where the arm rests to its end; or why there is
         none. It leaves the offer as if demonstrations of it differed by `SPREAD`.
 
-        The end of a chunk may be covered: then to the first place beyond that is free, if the chunk goes on as it ends.
+        The end of a chunk may be covered: then to the first place beyond that is free, if the chunk goes on as it ends;
+        or else to one beside its end.
 
         position : (eta,) of the arm [rad]. progress : the time [s] of the offer that it has come to. reach : how far
         the tool may leave it [m].
@@ -211,7 +213,7 @@ class OfferSolver(MotionJudge):
         return offer
 
 
-def _smoother(offer: Offer) -> Iterator[Offer]:
+def _with_less_jitter(offer: Offer) -> Iterator[Offer]:
     """An offer, and then the same without what jitters, as the points of networks do: through these the limits of
     acceleration allow no motion at their times.
     """

@@ -686,8 +686,8 @@ FILTER = (
     Parameter(
         "recover",
         "wait",
-        "What the arm does that has come to rest before what stands on its path: wait until that leaves, or detour: "
-        "after `patience` it passes around, and meanwhile makes room for what comes to it, which needs a scene",
+        "What the arm does that has come to rest before what stands on its path: wait until that leaves; or, "
+        "where a scene is declared, detour: after `patience` it passes around, and it makes room for what comes",
         choices=("wait", "detour"),
     ),
     *(replace(one, **_OF_FILTER.get(one.name, {})) for one in PLANNER if one.name not in _OF_SKILLS),

@@ -59,7 +59,8 @@ def add_command(commands: argparse._SubParsersAction) -> None:
     )  # fmt: skip
     parser.add_argument(
         "--filter", action="store_true",
-        help="of the node filter: the skill's motions are offered to it, and trajectories that are none",
+        help="of the node filter, in the planner's place: the skill's motions are offered to it, and trajectories "
+        "that are none",
     )  # fmt: skip
     parser.add_argument("--out", type=Path, default=Path("out/faults"), metavar="OUT", help="folder for logs")
     parser.add_argument(
@@ -84,7 +85,7 @@ def run(arguments: argparse.Namespace) -> int:
         from geodesic_motion_studies.faults.suite import cases
     subject = FILTER if arguments.filter else PLANNER
     if arguments.filter and arguments.output != "joint_trajectory":
-        raise ParameterError(f"--output {arguments.output}: a filter sends joint_trajectory")
+        raise ParameterError(f"--output {arguments.output}: a filter sends joint_trajectory alone; leave --output out")
     faults = chosen(arguments.only, arguments.all or arguments.list, subject)
     for fault in faults:
         if isinstance(fault, Soak):

@@ -43,5 +43,5 @@ def chosen(names: list[str] | None, long: bool, subject: str = PLANNER) -> list[
         if name not in known:
             close = difflib.get_close_matches(name, known, n=1)
             hint = f"did you mean {close[0]}?" if close else "--list shows all"
-            raise ParameterError(f"there is no fault {name!r}; {hint}")
+            raise ParameterError(f"there is no fault {name!r} of the {subject}; {hint}")
     return [known[name]() for name in names]

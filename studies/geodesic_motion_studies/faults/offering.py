@@ -42,6 +42,8 @@ class Offering(Asking):
     def __init__(self, node: Node, skill: Skill, obstacles: Relay, wait: Wait, seen: Record) -> None:
         """seen : knows where the arm is, from where motions begin."""
         super().__init__(node, skill, obstacles, wait)
+        # What is passed on while a motion is planned would wait 5 ms each time for the interpreter.
+        sys.setswitchinterval(_SWITCH_INTERVAL)
         self._seen, self._planner = seen, ReactivePlanner(skill, scene=DeclaredScene.empty())
         self.newest: JointReference | None = None
         self._thread = ThreadPoolExecutor(1)
@@ -55,7 +57,7 @@ class Offering(Asking):
         return bool(self._offers.get_subscription_count())
 
     def send_goal(self, pose: np.ndarray | None = None, frame: str | None = None) -> None:
-        """Offer the motion to the mean of the shown goals from where the arm is, at once."""
+        """Offer the motion to the mean of the shown goals from where the arm is, at once; to no other goal."""
         self.newest = self.motion()
         self.offer(self.newest)
 
@@ -67,8 +69,7 @@ class Offering(Asking):
 
     def motion(self) -> JointReference:
         """The motion from where the arm is to that goal, as planned where nothing stands."""
-        # Messages are passed on meanwhile, and do not wait 5 ms each time for the interpreter.
-        sys.setswitchinterval(_SWITCH_INTERVAL)
+        # Messages are passed on meanwhile.
         planned = self._thread.submit(self._planner.plan_configurations, self._seen.configuration, self._goal)
         self._wait(planned.done, "a motion to offer")
         plan = planned.result()

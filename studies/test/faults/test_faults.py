@@ -13,11 +13,16 @@ import pytest
 from geodesic_motion_studies.faults.catalogue import chosen
 from geodesic_motion_studies.faults.suite import cases, run_cases
 
-#: Of each skill the faults, and the phase in which they are injected here.
+#: Of each skill, and of the planner or the filter, the faults, and the phase in which they are injected here.
 QUICK = {
-    "panda_pouring": {"goal_outside": "goal", "obstacles_deleted": "motion", "planner_killed": "motion"},
-    "panda_reach_to_grasp": {
+    ("panda_pouring", "planner"): {
+        "goal_outside": "goal", "obstacles_deleted": "motion", "planner_killed": "motion",
+    },
+    ("panda_reach_to_grasp", "planner"): {
         "obstacles_deleted": "start", "state_glitch": "motion", "goal_zero_quaternion": "goal",
+    },
+    ("panda_reach_to_grasp", "filter"): {
+        "offer_beyond_limits": "start", "obstacles_deleted": "motion", "planner_killed": "motion",
     },
 }  # fmt: skip
 
@@ -28,14 +33,16 @@ RUNS = 3
 
 
 @pytest.mark.realtime
-@pytest.mark.parametrize("skill", QUICK)
-def test_quick_faults_pass(tmp_path, skill: str) -> None:
-    todo = [case for name, phase in QUICK[skill].items() for case in cases(chosen([name], False), [phase], [0])]
+@pytest.mark.parametrize(("skill", "subject"), QUICK)
+def test_quick_faults_pass(tmp_path, skill: str, subject: str) -> None:
+    quick = QUICK[skill, subject]
+    todo = [case for name, phase in quick.items() for case in cases(chosen([name], False, subject), [phase], [0])]
     domain, said = int(os.environ["ROS_DOMAIN_ID"]), ""
-    assert len(todo) == len(QUICK[skill])
+    assert len(todo) == len(quick)
     for run in range(1, RUNS + 1):
-        rows = list(run_cases(skill, tmp_path, domain, todo))
-        said += "".join(f"run {run} of {skill}, {row.name}: {row.measured}\n" for row in rows if not row.passed)
+        rows = list(run_cases(skill, tmp_path, domain, todo, subject=subject))
+        of = f"run {run} of the {subject}, {skill}"
+        said += "".join(f"{of}, {row.name}: {row.measured}\n" for row in rows if not row.passed)
         todo = [case for case, row in zip(todo, rows, strict=True) if not row.passed]
         if not todo:
             break
