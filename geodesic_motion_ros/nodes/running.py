@@ -53,7 +53,9 @@ class LoopingNode(Node, ABC):
         try:
             self._build()
         except BaseException:
-            self.destroy_node()
+            # An interrupt may leave a subscription half made, which cannot be destroyed.
+            with suppress(Exception):
+                self.destroy_node()
             raise
         # rclpy's first line looks through all modules, 0.1 s and more in which no other thread runs: not in a loop.
         self.get_logger().info(self._introduction())

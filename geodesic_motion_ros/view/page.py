@@ -36,8 +36,8 @@ _CAMERA, _LOOK_AT, _WORK = (1.3, -0.95, 0.85), (0.24, 0.0, 0.26), (0.45, -0.05, 
 #: there, in reaches: as far from the camera as the middle, so that a mouse drags it right there.
 _FIRST, _NEXT = (0.25, 0.25), (-0.14, 0.0)
 _FIELD_OF_VIEW = 0.75
-#: Width of the picture of the latent space [pixels].
-_LATENT = 250
+#: Widths of the status and of the picture of the latent space [pixels].
+_STATUS, _LATENT = 330, 250
 #: Radii of spheres [m]: the smallest, the largest and the first.
 _RADII = (0.02, 0.15, 0.055)
 
@@ -88,8 +88,12 @@ class Page:
         # Once it is known how far the arm reaches.
         self._add_first: Callable[[], None] = _nothing
         self._said = SILENT
-        self._status = gui.add_markdown(SILENT.markdown)
-        self._answer = gui.add_markdown("", visible=False)
+        # Apart from what is pressed, which would move as lines come and go above it.
+        status = gui.add_panel()
+        with status.add_tab("Status"):
+            self._status = gui.add_markdown(SILENT.markdown)
+            self._answer = gui.add_markdown("", visible=False)
+        status.float(x=16, y=16, width=_STATUS)
         self._latent: viser.GuiImageHandle | None = None
         if control:
             self._add_controls(goal, repeat)
