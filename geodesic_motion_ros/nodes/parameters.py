@@ -1,8 +1,8 @@
 """Parameters of a node from one table: name, default, meaning, unit, range. YAML, checks and descriptors
 follow it.
 
-`python -m geodesic_motion_ros.nodes.parameters planner` prints the parameter file of a node, with `--markdown` a
-table for people; a test holds `config/` to them.
+`python -m geodesic_motion_ros.nodes.parameters planner` prints the parameter file of a node, `page` in the place of its
+name the page `doc/parameters.md`; a test holds `config/` and `doc/` to them.
 """
 
 from __future__ import annotations
@@ -25,6 +25,15 @@ from geodesic_motion_ros.utils.errors import ParameterError
 Value = bool | int | float | str | list[float] | list[str]
 
 _LONGEST_VALUE = 40
+_PAGE_HEAD = """# Parameters
+
+Every parameter of the nodes: what the code declares, with its default, range and unit. Ranges include their ends.
+A parameter marked *start only* is set when the node starts; the others change while it runs
+(`ros2 param set /planner speed_override 0.5`). What does not fit is refused, with what is allowed. The same as files to
+copy: `config/NODE.yaml`. `paper_planner --help` lists those of the paper's planner.
+
+<!-- generated: python -m geodesic_motion_ros.nodes.parameters page > doc/parameters.md -->
+"""
 
 
 @dataclass(frozen=True)
@@ -296,6 +305,12 @@ def markdown_table(table: Sequence[Parameter]) -> str:
     return "\n".join(lines) + "\n"
 
 
+def markdown_page(tables: Mapping[str, Sequence[Parameter]]) -> str:
+    """Return the page of the parameters of all nodes, by the names of these."""
+    sections = [f"## {node}\n\n{markdown_table(table)}" for node, table in tables.items()]
+    return "\n".join([_PAGE_HEAD, *sections])
+
+
 def short_text(value: Value) -> str:
     """Return a value as a parameter file has it, and no more of it than fits into a line."""
     text = f'"{value}"' if isinstance(value, str) else str(value).lower() if isinstance(value, bool) else str(value)
@@ -303,15 +318,13 @@ def short_text(value: Value) -> str:
 
 
 def main() -> None:
-    """Print the parameter file of a node."""
+    """Print the parameter file of a node, or the page of the parameters of all."""
     from geodesic_motion_ros.nodes.parameter_tables import TABLES
 
     parser = argparse.ArgumentParser(description=main.__doc__)
-    parser.add_argument("node", choices=TABLES)
-    parser.add_argument("--markdown", action="store_true", help="a table for people instead")
-    given = parser.parse_args()
-    table = TABLES[given.node]
-    print(markdown_table(table) if given.markdown else yaml_document(given.node, table), end="")
+    parser.add_argument("node", choices=[*TABLES, "page"])
+    node = parser.parse_args().node
+    print(markdown_page(TABLES) if node == "page" else yaml_document(node, TABLES[node]), end="")
 
 
 def _yaml_value(value: Value) -> str:

@@ -12,7 +12,7 @@ import yaml
 
 from geodesic_motion_ros.contract.settings import PlannerSettings
 from geodesic_motion_ros.nodes.parameter_tables import TABLES
-from geodesic_motion_ros.nodes.parameters import Parameter, markdown_table, yaml_document
+from geodesic_motion_ros.nodes.parameters import Parameter, markdown_page, yaml_document
 from geodesic_motion_ros.paper.paper_parameters import PAPER
 from geodesic_motion_ros.robot.description import shipped_robots
 from geodesic_motion_ros.robot.kinematics import Robot
@@ -22,11 +22,10 @@ CONFIG = Path(__file__).resolve().parents[2] / "config"
 ALL = [(node, parameter) for node, table in TABLES.items() for parameter in table]
 
 
-@pytest.mark.parametrize("node", TABLES)
-def test_the_table_for_people_is_that_of_the_code(node):
-    assert f"### {node}\n\n{markdown_table(TABLES[node])}" in (CONFIG / "README.md").read_text()
-    for parameter in TABLES[node]:
-        assert "|" not in parameter.description
+def test_the_page_for_people_is_that_of_the_code():
+    """Otherwise: `python -m geodesic_motion_ros.nodes.parameters page > doc/parameters.md`."""
+    assert (CONFIG.parent / "doc" / "parameters.md").read_text() == markdown_page(TABLES)
+    assert not [parameter.name for _, parameter in ALL if "|" in parameter.description]
 
 
 @pytest.mark.parametrize("node", TABLES)
