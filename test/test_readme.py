@@ -1,4 +1,4 @@
-"""The pages are true: the README's Python runs, and files, sections, commands and codes of all pages exist."""
+"""The pages are true: their Python runs, and files, sections, commands and codes exist; the README is a page."""
 
 from __future__ import annotations
 
@@ -17,7 +17,8 @@ FOLDERS = ("config", "doc", "geodesic_motion_ros", "models", "studies")
 PAGES = [*REPOSITORY.glob("*.md"), *(page for name in FOLDERS for page in (REPOSITORY / name).rglob("*.md"))]
 #: What people read first, and the pages that it leads to.
 FRONT = [README, *sorted((REPOSITORY / "doc").glob("*.md"))]
-BLOCKS = re.findall(r"```python\n(.*?)```", README.read_text(), flags=re.DOTALL)
+TEN_MINUTES = REPOSITORY / "doc" / "ten_minutes.md"
+BLOCKS = re.findall(r"```python\n(.*?)```", README.read_text() + TEN_MINUTES.read_text(), flags=re.DOTALL)
 COMMANDS = sorted({name for page in FRONT for name in re.findall(r"geodesic-motion\s+([a-z]+)", page.read_text())})
 
 
@@ -39,7 +40,7 @@ def broken(page: Path) -> list[str]:
     ]
 
 
-@pytest.mark.parametrize("code", BLOCKS, ids=["tool skill", "whole-arm skill", "filter"])
+@pytest.mark.parametrize("code", BLOCKS, ids=["whole-arm skill", "tool skill", "filter"])
 def test_the_python_of_the_tour_runs_and_finds_a_path(code, capsys):
     scope: dict[str, object] = {}
     exec(code, scope)
@@ -48,13 +49,22 @@ def test_the_python_of_the_tour_runs_and_finds_a_path(code, capsys):
     assert clearance < 0.1, "the obstacle of the tour is far from the path: it shows nothing"
 
 
-def test_the_pose_of_the_page_of_conventions_is_that_of_the_readme_s_message(capsys):
+def test_the_pose_of_the_page_of_conventions_is_that_of_the_tour_s_message(capsys):
     (block,) = re.findall(r"```python\n(.*?)```", (REPOSITORY / "doc" / "conventions.md").read_text(), re.DOTALL)
     exec(block, {})
     position, orientation = capsys.readouterr().out.splitlines()
-    assert orientation in README.read_text()
+    assert orientation in TEN_MINUTES.read_text()
     x, y, z = position.strip("[]").split()
-    assert f"position: {{x: {x}, y: {y}, z: {z}}}" in README.read_text()
+    assert f"position: {{x: {x}, y: {y}, z: {z}}}" in TEN_MINUTES.read_text()
+
+
+def test_the_readme_is_one_page_of_short_sentences():
+    text = README.read_text()
+    assert len(text.splitlines()) <= 90
+    prose = re.sub(r"```.*?```|<!--.*?-->|^[#|].*?$", "", text, flags=re.DOTALL | re.MULTILINE)
+    prose = re.sub(r"!?\[([^\]]*)\]\([^)]*\)", r"\1", prose)
+    lengths = [len(one.split()) for one in re.split(r"(?<=[.!?])\s+|\n- |\n\n", prose) if one.strip()]
+    assert sum(lengths) / len(lengths) <= 20
 
 
 @pytest.mark.parametrize("page", sorted(PAGES), ids=lambda page: str(page.relative_to(REPOSITORY)))

@@ -80,8 +80,8 @@ def test_the_page_of_figures_has_the_names_and_the_figures_of_the_benchmark() ->
         assert cells[4] == ", ".join(str(sum(counts)) for counts in touched)
 
 
-def test_the_readme_has_the_figures_of_that_page() -> None:
-    (table,) = tables("README.md", "measured")
+def test_what_is_measured_in_short_has_the_same_figures() -> None:
+    (table,) = tables("doc/figures.md", "measured")
     success, touched, distance = (" ".join(cells.values()) for cells in list(table.values())[:3])
     rows = repeated()
     of_all = [rows[name] for name in ("ours", "RRT-Connect", "mean demonstration + detour", "barriers")]
