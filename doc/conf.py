@@ -10,7 +10,8 @@ project = "geodesic_motion_ros"
 author = copyright = "geodesic_motion_ros maintainers"
 root_doc = "doc/index"
 include_patterns = [
-    "doc/*.md", "config/README.md", "models/README.md", "models/*/README.md", "studies/**/README.md", "CONTRIBUTING.md",
+    "doc/*.md", "config/README.md", "models/README.md", "models/*/README.md", "studies/**/*.md",
+    "CONTRIBUTING.md",
 ]  # fmt: skip
 exclude_patterns = ["doc/README.md"]  # the index for readers of the repository
 extensions = ["myst_parser"]
