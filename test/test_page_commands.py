@@ -24,6 +24,7 @@ LINES = re.sub(r"\\\n *", " ", re.sub(r",\n +(?=\w+:)", ", ", BLOCKS)).splitline
 _SENTENCES = re.sub(r"```.*?```", "", TEXT, flags=re.DOTALL)
 INLINE = [" ".join(text.split()) for text in re.findall(r"(?<!`)`([^`]+)`(?!`)", _SENTENCES)]
 SHOWN = sorted({line.split("  #")[0].strip() for line in (*LINES, *INLINE)})
+PARSER = build_parser()
 TARGETS = re.findall(r"^([a-z-]+):", (REPOSITORY / "Makefile").read_text(), re.MULTILINE)
 
 
@@ -57,7 +58,7 @@ def interface(name: str) -> Any:
 @pytest.mark.parametrize("line", shown(r"(\.venv/bin/)?geodesic-motion [a-z]+ \S"))
 def test_the_command_line_of_the_package_is_understood(line: str, capsys: pytest.CaptureFixture[str]) -> None:
     try:
-        build_parser().parse_args(shlex.split(line)[1:])
+        PARSER.parse_args(shlex.split(line)[1:])
     except SystemExit:
         # A sentence may show a part of a line, and leave the rest to the reader: NAME, or dots.
         assert line in INLINE

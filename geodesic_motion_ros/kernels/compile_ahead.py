@@ -30,8 +30,8 @@ FOLDERS = (
     "queries", "robot", "trajectory",
 )  # fmt: skip
 ABOUT = 200
-#: Between two lines about the progress [s].
-_SAID_EVERY = 1.0
+#: Between two lines about the progress, and about another process's; between two looks whether that has ended [s].
+_SAID_EVERY, _SAID_AGAIN, _LOOKED_AGAIN = 1.0, 10.0, 0.1
 
 
 def say(text: str) -> None:
@@ -81,13 +81,19 @@ def count_cached(folder: str) -> int:
 
 @contextmanager
 def _locked(path: Path, report: Callable[[str], None]) -> Iterator[None]:
-    """Hold a lock on a file, which may not exist yet; says so where another process holds it."""
+    """Hold a lock on a file, which may not exist yet; says now and then for how long another process holds it."""
     with path.open("w") as file:
-        try:
-            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError:
-            report("another process compiles the kernels: waiting for it")
-            fcntl.flock(file, fcntl.LOCK_EX)
+        began, said = time.monotonic(), -math.inf
+        while True:
+            try:
+                fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+                break
+            except BlockingIOError:
+                now = time.monotonic()
+                if now - said > _SAID_AGAIN:
+                    said = now
+                    report(f"another process compiles the kernels: waiting for it, {now - began:.0f} s so far")
+                time.sleep(_LOOKED_AGAIN)
         yield
 
 

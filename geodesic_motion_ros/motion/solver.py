@@ -44,6 +44,7 @@ from geodesic_motion_ros.robot.limits import JointLimits
 from geodesic_motion_ros.skill.skill import Skill
 from geodesic_motion_ros.trajectory.trajectory import JointReference
 from geodesic_motion_ros.utils.deadline import NEVER, Deadline
+from geodesic_motion_ros.utils.errors import PlanningError
 
 #: The largest distance that an attempt keeps from obstacles, as a multiple of the margin.
 _LARGEST_MULTIPLE = max(attempt.multiple for attempt in constants.ATTEMPTS)
@@ -74,6 +75,12 @@ class Solver(MotionJudge):
         limits: JointLimits,
         scene: DeclaredScene | None = None,
     ) -> None:
+        """PlanningError where the motion is to be periodic and the skill is not closed."""
+        if settings.periodic and skill.period is None:
+            raise PlanningError(
+                "periodic: the skill leads from a start to another goal; round after round goes a closed skill alone, "
+                "learned of demonstrations that end where they began"
+            )
         self.skill, self.graph, self.space = skill, graph, OutputSpace.of(skill)
         super().__init__(robot, collision, settings, limits, self.space.tool_limits, scene)
         self.attempts = constants.ATTEMPTS

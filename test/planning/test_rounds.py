@@ -22,7 +22,7 @@ from geodesic_motion_ros.planning import arbiter
 from geodesic_motion_ros.planning.planner import ReactivePlanner
 from geodesic_motion_ros.robot.inverse_kinematics import solve
 from geodesic_motion_ros.skill.skill import Skill
-from geodesic_motion_ros.utils.errors import SkillError
+from geodesic_motion_ros.utils.errors import PlanningError, SkillError
 from geodesic_motion_ros.visualization.plots import training_report
 
 TICK, CENTRE, RADIUS = 0.02, np.array([0.5, 0.0, 0.4]), 0.1
@@ -135,6 +135,15 @@ def test_a_join_with_a_jolt_is_tried_again_now_and_then_and_made_in_the_end(skil
     assert np.all(np.diff(tried) > SEARCH_PERIOD - 0.5 * TICK)
     assert 0.75 < arm.turned < 1.0
     assert arm.speeds[-1] > 0.0
+
+
+def test_a_skill_that_is_not_closed_makes_no_periodic_motion() -> None:
+    # Nothing of an arm that is asked for rounds would say why it makes none.
+    open_skill = Skill.load("panda_pouring")
+    with pytest.raises(PlanningError, match="closed skill alone"):
+        ReactivePlanner(open_skill, PlannerSettings(periodic=True))
+    refused = ReactivePlanner(open_skill).change_settings(periodic=True)
+    assert (refused.code, "closed skill alone" in refused.reason) == (VerdictCode.BAD_INPUT, True)
 
 
 def test_a_periodic_motion_goes_on_until_it_is_not_to_and_ends_with_the_round(skill: Skill) -> None:
