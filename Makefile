@@ -3,7 +3,7 @@
 SHELL := /bin/bash
 .SHELLFLAGS := -euo pipefail -c
 .DEFAULT_GOAL := help
-.PHONY: help demo test test-all lint setup robot-server view doc clean distclean
+.PHONY: help demo test test-all lint setup robot-server view ros-extras possible-extras doc clean distclean
 
 # Python for a new .venv: the first of these that is there, in a version that fits, with what the set-up needs.
 PYTHON ?= python3.11 python3.12 python3.10 python3
@@ -17,6 +17,7 @@ pytest := ROS_AUTOMATIC_DISCOVERY_RANGE=LOCALHOST ROS_PYTHON_CHECK_FIELDS=1 MPLB
 ready := .venv/.ready
 robot_server := .venv-robot-server/.ready
 view := .venv/.view
+extras := .venv/.ros-extras
 # numba compiles a kernel anew when its own file changes, not when that of a kernel it calls does.
 kernels := .venv/.kernels
 sources := $(shell grep -rl numba geodesic_motion_ros studies/geodesic_motion_studies --include='*.py')
@@ -47,7 +48,7 @@ demo: $(kernels) $(if $(findstring --robot-server,$(ARGS)),$(robot_server)) $(if
 test: lint $(kernels) $(view) ## ruff and mypy, then the tests of the product, three at a time
 	@$(pytest) --numprocesses=3 $(ARGS) < /dev/null
 
-test-all: test $(robot_server) ## these, then the tests of the studies and the whole demos
+test-all: possible-extras test $(robot_server) ## these, then the tests of the studies and the whole demos
 	@$(pytest) --numprocesses=auto --maxprocesses=2 studies/test $(ARGS) < /dev/null
 
 lint: $(ready) ## ruff, and mypy over what plans
@@ -59,6 +60,12 @@ setup: $(kernels) ## .venv with the pinned requirements, kernels compiled, large
 robot-server: $(robot_server) ## .venv-robot-server: a simulated FR3 behind Franka's own protocol, for demo and test-all
 
 view: $(view) ## the page in the browser into .venv, for geodesic-motion view, demo and the tests of it
+
+ros-extras: $(extras) ## the action move_to_goal, follow_joint_trajectory, /tf and MoveIt's planning scene: compiled into .venv
+
+# Where there is no compiler, their tests are skipped.
+possible-extras: $(ready)
+	@if $(python) .ci/ros_extras/build --possible < /dev/null; then $(MAKE) --no-print-directory $(extras); fi
 
 doc: .venv-doc/.ready ## the pages as a site, in out/doc/doc/index.html; a link that leads nowhere is an error
 	@.venv-doc/bin/python -m sphinx --quiet --fail-on-warning --keep-going -c doc . out/doc
@@ -80,6 +87,11 @@ $(ready): requirements.txt setup.py studies/setup.py
 
 $(robot_server): $(ready) requirements-robot-server.txt requirements-franka.txt .ci/robot_server
 	@.ci/robot_server < /dev/null
+
+$(extras): $(ready) $(wildcard .ci/ros_extras/build .ci/ros_extras/*/*/*)
+	@echo 'Compiling messages and actions: a minute, once.'
+	@$(python) .ci/ros_extras/build < /dev/null
+	@touch $@
 
 $(view): $(ready) requirements-view.txt
 	@$(python) -m pip install --disable-pip-version-check --quiet --no-deps -r requirements-view.txt < /dev/null
