@@ -5,6 +5,8 @@ from __future__ import annotations
 import re
 from pathlib import Path
 
+from sphinx.application import Sphinx
+
 (release,) = re.findall(r"<version>(.+)</version>", (Path(__file__).parents[1] / "package.xml").read_text())
 project = "geodesic_motion_ros"
 author = copyright = "geodesic_motion_ros maintainers"
@@ -14,7 +16,33 @@ include_patterns = [
     "CONTRIBUTING.md",
 ]  # fmt: skip
 exclude_patterns = ["doc/README.md"]  # the index for readers of the repository
-extensions = ["myst_parser"]
+extensions = ["myst_parser", "autoapi.extension", "sphinx.ext.napoleon"]
+# doc/api.md says what is shown. Sources are read, not imported: those that it names and their bases, all would take minutes.
+autoapi_dirs = ["geodesic_motion_ros"]
+_READ = {
+    "certification/declared_scene", "contract/settings", "contract/status", "demonstrations/demonstrations",
+    "filtering/motion_filter", "motion/plan", "obstacles/obstacles", "planning/planner", "planning/streaming_planner",
+    "robot/kinematics", "skill/skill",
+}  # fmt: skip
+_PACKAGE = Path(__file__).parents[1] / "geodesic_motion_ros"
+autoapi_ignore = [
+    str(file) for file in _PACKAGE.rglob("*.py")
+    if file.name != "__init__.py" and str(file.relative_to(_PACKAGE).with_suffix("")) not in _READ
+]  # fmt: skip
+autoapi_generate_api_docs = autoapi_add_toctree_entry = False
+autoapi_python_class_content = "both"
+napoleon_use_ivar = True
+autodoc_member_order, default_role = "bysource", "code"
+add_module_names, python_use_unqualified_type_names = False, True
+suppress_warnings = ["autoapi.python_import_resolution"]
 myst_heading_anchors = 4
 html_theme = "furo"
 html_title = f"{project} {release}"
+
+
+def setup(app: Sphinx) -> None:
+    """Have napoleon read no type in the sentence of a property: of an attribute it takes what precedes a colon for it."""
+    app.connect(
+        "autodoc-process-docstring",
+        lambda app, what, name, thing, options, lines: lines.insert(0, "") if what == "property" else None, priority=400,
+    )  # fmt: skip
