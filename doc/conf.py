@@ -17,7 +17,7 @@ include_patterns = [
 ]  # fmt: skip
 exclude_patterns = ["doc/README.md"]  # the index for readers of the repository
 extensions = ["myst_parser", "autoapi.extension", "sphinx.ext.napoleon"]
-# doc/api.md says what is shown. Sources are read, not imported: those that it names and their bases, all would take minutes.
+# doc/api.md says what is shown. Sources are read, not imported: of what it shows alone, all of them take minutes.
 autoapi_dirs = ["geodesic_motion_ros"]
 _READ = {
     "certification/declared_scene", "contract/settings", "contract/status", "demonstrations/demonstrations",
@@ -41,8 +41,10 @@ html_title = f"{project} {release}"
 
 
 def setup(app: Sphinx) -> None:
-    """Have napoleon read no type in the sentence of a property: of an attribute it takes what precedes a colon for it."""
-    app.connect(
-        "autodoc-process-docstring",
-        lambda app, what, name, thing, options, lines: lines.insert(0, "") if what == "property" else None, priority=400,
-    )  # fmt: skip
+    """Keep napoleon from taking what precedes a colon in the sentence of a property for its type."""
+    app.connect("autodoc-process-docstring", _begin_with_no_type, priority=400)
+
+
+def _begin_with_no_type(app: Sphinx, what: str, name: str, thing: object, options: object, lines: list[str]) -> None:
+    if what == "property":
+        lines.insert(0, "")

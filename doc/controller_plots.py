@@ -251,9 +251,8 @@ def draw_takeover(planner: Planner, avoiding: list[Cycle], out: Path) -> list[st
     arrivals = messages(avoiding)
     until = 5.0
     motion, steps = controlled(planner.start, arrivals, until)
-    before = [message for _, message in arrivals if message.sent < APPEARS - 0.5 * TICK][-1]
-    after = [message for _, message in arrivals if message.sent >= APPEARS - 0.5 * TICK and message.takeover > message.sent]
-    stop, path = after[0], after[1]
+    first = next(number for number, (time, _) in enumerate(arrivals) if time >= APPEARS - 0.5 * TICK)
+    before, stop, path = (message for _, message in arrivals[first - 1 : first + 2])
     joint = fastest(Motion(motion.times, motion.states[motion.times > path.takeover]))
     figure, panels = axes(3, UNITS)
     names = ((before, BLUE, "sent before"), (stop, VERMILION, "a stop"), (path, GREEN, "another path"))
@@ -343,7 +342,7 @@ def draw_silence(planner: Planner, free: list[Cycle], poses: list[Cycle], out: P
 def draw_poses(planner: Planner, poses: list[Cycle], out: Path) -> list[str]:
     """A stream of poses, and the twin's arm."""
     until = poses[-1].now
-    commanded, measured = simulated(planner, as_poses(planner, poses), until)
+    _, measured = simulated(planner, as_poses(planner, poses), until)
     times = np.array([cycle.now for cycle in poses])
     sent = np.array([planner.robot.forward(cycle.configuration)[0] for cycle in poses])
     tool = np.array([planner.robot.forward(state[0])[0] for state in measured.states])
