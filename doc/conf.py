@@ -37,6 +37,7 @@ add_module_names, python_use_unqualified_type_names = False, True
 suppress_warnings = ["autoapi.python_import_resolution"]
 myst_heading_anchors = 4
 html_theme = "furo"
+html_static_path, html_css_files = ["site"], ["wide.css"]
 html_title = f"{project} {release}"
 
 

@@ -297,7 +297,7 @@ def _remarks(parameter: Parameter) -> str:
 
 def markdown_table(table: Sequence[Parameter]) -> str:
     """Return the parameters of a node for people."""
-    lines = ["| parameter | default | allowed | | |", "|---|---|---|---|---|"]
+    lines = ["| parameter | default | allowed | when | meaning |", "|---|---|---|---|---|"]
     for parameter in table:
         when = "start only" if parameter.read_only else "at any time"
         default = short_text(parameter.default)

@@ -11,6 +11,7 @@ from rclpy.node import Node
 
 from geodesic_motion_ros.nodes.franka_node import FrankaNode
 from geodesic_motion_ros.nodes.planner_node import PlannerNode
+from geodesic_motion_ros.nodes.record_node import RecordNode
 from geodesic_motion_ros.nodes.twin_node import TwinNode
 
 PAGE = (Path(__file__).resolve().parents[2] / "doc" / "ros_interface.md").read_text()
@@ -37,6 +38,10 @@ def interface(node: Node, namespace: str = "") -> set[str]:
 def test_those_of_the_twin(bench):
     # With all that it may publish.
     assert interface(bench.add(TwinNode, cloud_rate=1.0)) == documented("twin")
+
+
+def test_those_of_the_recorder(bench, tmp_path):
+    assert interface(bench.add(RecordNode, folder=str(tmp_path))) == documented("recorder")
 
 
 def test_those_of_the_driver():
