@@ -35,6 +35,7 @@ napoleon_use_ivar = True
 autodoc_member_order, default_role = "bysource", "code"
 add_module_names, python_use_unqualified_type_names = False, True
 suppress_warnings = ["autoapi.python_import_resolution"]
+# examples.md shows pictures that are kept: sphinx-gallery would run the examples here, without the package and torch.
 myst_heading_anchors = 4
 html_theme = "furo"
 html_static_path, html_css_files = ["site"], ["wide.css"]

@@ -1,7 +1,9 @@
-"""Have the chunks of a policy certified: it looks at no obstacle, and the arm touches none.
+"""
+Have the chunks of a policy certified
+=====================================
 
-A policy as of LeRobot: from an observation to a chunk of actions (16, joints) at 30 Hz. Any that gives positions of the
-joints takes the place of `policy`. A sphere crosses; the arm brakes along the policy's own path, and goes on behind it.
+A policy as of LeRobot gives chunks of actions (16, joints) at 30 Hz, and looks at no obstacle; put yours in its place.
+A sphere crosses: through the filter the arm brakes along the policy's own path, and goes on when the sphere has passed.
 
     python examples/filter_a_policy.py     # prints what happens and draws filter_a_policy.png
 """
@@ -12,8 +14,7 @@ import numpy as np
 from geodesic_motion_ros import DeclaredScene, MotionFilter, Obstacles
 from geodesic_motion_ros.certification.arm_clearance import obstacle_clearance
 
-START = np.array([-0.8, 0.3, 0.0, -1.8, 0.0, 2.1, 0.8])
-GOAL = np.array([0.8, 0.3, 0.0, -1.8, 0.0, 2.1, 0.8])
+START, GOAL = np.array([[-0.8, 0.3, 0.0, -1.8, 0.0, 2.1, 0.8], [0.8, 0.3, 0.0, -1.8, 0.0, 2.1, 0.8]])
 FREQUENCY, CHUNK, TICK = 30.0, 16, 0.01
 
 
@@ -49,16 +50,14 @@ def play(filtered: bool, seconds: float = 8.0) -> tuple[np.ndarray, np.ndarray]:
     return np.array(rows).T
 
 
-if __name__ == "__main__":
-    figure, (above, below) = plt.subplots(2, 1, sharex=True, figsize=(7, 5), layout="constrained")
-    for name, filtered in (("policy alone", False), ("with the filter", True)):
-        joint, clearance = play(filtered)
-        times = TICK * np.arange(len(joint))
-        above.plot(times, joint, label=name)
-        below.plot(times, 100 * clearance, label=name)
-        print(f"{name}: {100 * np.min(clearance):.1f} cm at least between arm and sphere")
-    below.axhline(0.0, color="black", linewidth=0.8)
-    above.set_ylabel("first joint [rad]")
-    below.set(xlabel="time [s]", ylabel="clearance [cm]")
-    above.legend()
-    figure.savefig("filter_a_policy.png", dpi=120)
+figure, (above, below) = plt.subplots(2, 1, sharex=True, figsize=(7, 5), layout="constrained")
+for name, filtered in (("policy alone", False), ("with the filter", True)):
+    joint, clearance = play(filtered)
+    above.plot(TICK * np.arange(len(joint)), joint, label=name)
+    below.plot(TICK * np.arange(len(joint)), 100 * clearance)
+    print(f"{name}: {100 * np.min(clearance):.1f} cm at least between arm and sphere")
+below.axhline(0.0, color="black", linewidth=0.8)
+above.set(ylabel="first joint [rad]")
+below.set(xlabel="time [s]", ylabel="arm to sphere [cm]")
+above.legend()
+figure.savefig("filter_a_policy.png", dpi=120)

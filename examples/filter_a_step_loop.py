@@ -1,7 +1,9 @@
-"""Have the targets of a step loop certified: `step(action)` as of gymnasium; an action is where the joints are to be.
+"""
+Have the targets of a step loop certified
+=========================================
 
-An agent that explores drives the arm through a sphere on a stand. The same actions through `MotionFilter` touch
-nothing: the observation and the reward say where the arm was stopped, `info["verdict"]` says why.
+`step(action)` is as of gymnasium, an action is where the joints are to be; an agent that explores drives the arm
+through a sphere on a stand. The same actions through `MotionFilter` touch nothing, and `info["verdict"]` says why.
 
     python examples/filter_a_step_loop.py     # prints what happens and draws filter_a_step_loop.png
 """
@@ -59,6 +61,6 @@ if __name__ == "__main__":
         print(f"{name}: {min(clearances):.1f} cm at least between arm and sphere")
         axes.plot(0.02 * np.arange(500), clearances, label=name)
     axes.axhline(0.0, color="black", linewidth=0.8)
-    axes.set(xlabel="time [s]", ylabel="clearance [cm]")
+    axes.set(xlabel="time [s]", ylabel="arm to sphere [cm]")
     axes.legend()
     figure.savefig("filter_a_step_loop.png", dpi=120)

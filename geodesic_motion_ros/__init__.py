@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from geodesic_motion_ros.certification.declared_scene import DeclaredScene
+    from geodesic_motion_ros.contract.settings import PlannerSettings
     from geodesic_motion_ros.demonstrations.demonstrations import Demonstrations
     from geodesic_motion_ros.filtering.motion_filter import MotionFilter
     from geodesic_motion_ros.obstacles.obstacles import Obstacles
@@ -16,13 +17,17 @@ if TYPE_CHECKING:
     from geodesic_motion_ros.robot.kinematics import Robot
     from geodesic_motion_ros.skill.skill import Skill
 
-__all__ = ["DeclaredScene", "Demonstrations", "MotionFilter", "Obstacles", "ReactivePlanner", "Robot", "Skill"]
+__all__ = [
+    "DeclaredScene", "Demonstrations", "MotionFilter", "Obstacles", "PlannerSettings", "ReactivePlanner", "Robot",
+    "Skill",
+]  # fmt: skip
 
 _MODULES = {
     "DeclaredScene": "certification.declared_scene",
     "Demonstrations": "demonstrations.demonstrations",
     "MotionFilter": "filtering.motion_filter",
     "Obstacles": "obstacles.obstacles",
+    "PlannerSettings": "contract.settings",
     "ReactivePlanner": "planning.planner",
     "Robot": "robot.kinematics",
     "Skill": "skill.skill",

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import ast
 import importlib.util
-import subprocess
 import sys
 from dataclasses import replace
 from pathlib import Path
@@ -84,14 +83,6 @@ def test_it_imports_libraries_only():
     names = {alias.name for node in nodes if isinstance(node, ast.Import) for alias in node.names}
     names |= {node.module for node in nodes if isinstance(node, ast.ImportFrom)}
     assert {name.split(".")[0] for name in names} <= {"argparse", "math", "matplotlib", "numpy", "scipy", "torch"}
-
-
-def test_it_runs_from_demonstrations_to_the_picture(tmp_path):
-    picture = tmp_path / "paper.png"
-    command = [sys.executable, str(FILE), "--steps", "60", "--out", str(picture)]
-    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True)
-    assert done.returncode == 0, done.stderr
-    assert picture.read_bytes().startswith(b"\x89PNG")
 
 
 def test_its_help_holds_the_equations(example, monkeypatch, capsys):

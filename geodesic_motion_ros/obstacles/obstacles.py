@@ -75,6 +75,20 @@ class Obstacles:
         return cls(centres, radii, velocities, no_solids(), np.empty((0, 3)), DistanceField.none(), time)
 
     @classmethod
+    def of_cloud(
+        cls, points: np.ndarray, voxel: float = 0.02, radius: float = 0.002, thickness: float = 0.05, time: float = 0.0
+    ) -> Obstacles:
+        """Everything that points (n, 3) [m] show, as what stands; the arm must not be among them.
+
+        voxel, radius, thickness : as the planner's parameters `obstacle_cloud_...` [m], with their defaults.
+
+        Raises
+        ------
+        PlanningError : a number is not finite, or voxel, radius or thickness not positive.
+        """
+        return replace(cls.none(), cloud=DistanceField.of(points, voxel, radius, thickness), time=time)
+
+    @classmethod
     def one_of_each(cls, centre: np.ndarray, velocity: np.ndarray, time: float) -> Obstacles:
         """A sphere, a box and a cloud of one point, none wider than a decimetre, at a centre (3,) [m]: for trials."""
         box = solid_rows(centre[None], np.eye(3)[None], np.full((1, 3), 0.05), np.zeros(1))

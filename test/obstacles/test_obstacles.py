@@ -37,6 +37,21 @@ def clearances(obstacles: Obstacles, places: np.ndarray) -> np.ndarray:
 PLACES = np.random.default_rng(1).uniform(-0.8, 0.8, (300, 3))
 
 
+def test_points_of_a_cloud_stand_and_are_as_near_as_they_are_to_their_cubes():
+    """No farther than the nearest point, and no nearer by more than 1.7 edges and the radius."""
+    points, edge, radius = np.random.default_rng(2).uniform(-0.5, 0.5, (200, 3)), 0.02, 0.004
+    cloud = Obstacles.of_cloud(points, voxel=edge, radius=radius)
+    assert cloud.objection() == ""
+    assert cloud.is_static
+    nearest = np.linalg.norm(PLACES[:, None] - points, axis=-1).min(axis=1) - radius
+    near = nearest < 0.1
+    assert np.any(near)
+    found = clearances(cloud, PLACES)
+    assert np.all(found[near] <= nearest[near] + 1e-6)
+    assert np.all(found[near] >= nearest[near] - 1.75 * edge)
+    assert np.all(clearances(Obstacles.of_cloud(np.empty((0, 3))), PLACES) == np.inf)
+
+
 def test_a_scene_has_nothing_to_object_to():
     assert scene().objection() == ""
     assert Obstacles.none().objection() == ""
