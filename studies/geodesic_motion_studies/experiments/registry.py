@@ -55,6 +55,7 @@ STUDIES: dict[str, Entry] = {
     "dimension": Entry("dimension", "Dimension", "two to six latent dimensions: graphs, paths, ticks", timed=True),
     "rate": Entry("running_nodes", "Rate", "planner and twin as two processes: ticks, times of reaction", timed=True),
     "chunk-time": Entry("running_nodes", "ChunkTime", "a filter as a process: chunk to command, cycles", timed=True),
+    "view-rate": Entry("running_nodes", "ViewRate", "a page in the browser: what it costs; drags answered", timed=True),
     "camera": Entry("running_nodes", "Camera", "a camera sees the arm: false stops, costs; a ball", timed=True),
     "literal": Entry("literal", "Literal", "held-out demonstrations by the paper to the letter, beside ours", True),
     "densities": Entry("densities", "Densities", "held-out likelihood and path with each density of the model", True),

@@ -3,7 +3,8 @@
 `rate`: with a goal that stays or moves, a moving sphere, and clouds; with a skill of joint space also the time from an
 obstacle's message to the trajectory that answers it. `paper-rate`: the same of the paper's planner in both spaces, and
 how often a tick ends with the cheapest path. `camera`: a depth camera sees the arm that moves, for minutes: what stops
-the arm, what clouds cost; and a ball beside the forearm, place after place, in the cloud and not.
+the arm, what clouds cost; and a ball beside the forearm, place after place, in the cloud and not. `view-rate`: what a
+page in the browser costs, and from a sphere that is dragged there to the trajectory that answers it.
 """
 
 from __future__ import annotations
@@ -22,6 +23,7 @@ if TYPE_CHECKING:
     from geodesic_motion_studies.rates.chunk_time import ChunkRow
     from geodesic_motion_studies.rates.node_rate import RateRow
     from geodesic_motion_studies.rates.reaction_time import ReactionRow
+    from geodesic_motion_studies.rates.view_rate import ViewRow
 
 
 @dataclass(frozen=True)
@@ -112,6 +114,41 @@ class ChunkTime(Study):
         from geodesic_motion_studies.rates import chunk_time
 
         return ChunkTimeReport(chunk_time.measure_chunks(out / "chunk-time", self.hertz, self.chunks))
+
+
+@dataclass(frozen=True)
+class ViewReport(Report):
+    """Rows of who looks, and of drags."""
+
+    rows: Sequence[ViewRow]
+    drags: Sequence[ReactionRow]
+
+    def as_dict(self) -> dict[str, Any]:
+        return {"rows": [asdict(row) for row in self.rows], "drags": [asdict(row) for row in self.drags]}
+
+    def table(self) -> str:
+        from geodesic_motion_studies.rates import reaction_time, view_rate
+
+        return "\n\n".join([view_rate.table(self.rows), reaction_time.table(list(self.drags))])
+
+    def draw(self, path: Path) -> None:
+        """There is none."""
+
+
+@dataclass(frozen=True)
+class ViewRate(Study):
+    """The nodes with a page in the browser."""
+
+    skill: str = option("panda_reach_to_grasp", "its folder, or a shipped name", metavar="SKILL")
+    seconds: float = option(20.0, "length of each stretch")
+    drags: int = option(50, "of the page's sphere into the path", least=1)
+
+    def measure(self, out: Path) -> ViewReport:
+        from geodesic_motion_studies.rates import view_rate
+
+        folder = out / "view-rate"
+        rows = view_rate.measure_view(self.skill, folder, self.seconds)
+        return ViewReport(rows, view_rate.measure_drags(self.skill, folder, self.drags))
 
 
 @dataclass(frozen=True)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import os
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from types import MappingProxyType
@@ -161,10 +162,14 @@ class PlannerStream:
             self._clouds.publish(cloud_message(self.cloud(self.now()), self.skill.base_frame, stamp))
 
     def processor_time(self, name: str) -> float:
-        """The processor time [s] that a process has taken since it began, by its name."""
-        # man 5 proc: after the name in brackets utime is the twelfth field, then comes stime.
-        fields = Path(f"/proc/{self._processes.number(name)}/stat").read_text().rpartition(")")[2].split()
-        return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
+        """The processor time [s] that a process and those that it started have taken since they began, by its name."""
+        session, ticks = self._processes.number(name), 0
+        for stat in Path("/proc").glob("[0-9]*/stat"):
+            with suppress(OSError):  # it has ended
+                # man 5 proc: after the name in brackets session is the fourth field, utime the twelfth, then stime.
+                fields = stat.read_text().rpartition(")")[2].split()
+                ticks += (int(fields[11]) + int(fields[12])) * (int(fields[3]) == session)
+        return ticks / os.sysconf("SC_CLK_TCK")
 
     def now(self) -> float:
         """The time [s] by the ROS clock."""

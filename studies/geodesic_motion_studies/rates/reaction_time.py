@@ -7,7 +7,7 @@ answer: another path, or a stop.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -110,10 +110,15 @@ def measure_reaction(
     rows = []
     for rate in rates:
         with PlannerStream(skill, folder / f"reaction_{rate:g}_hz", rate, domain) as stream:
-            answers = 1e3 * np.array(_answers(stream, spheres))
-        p50, p99, worst = np.percentile(answers, [50.0, 99.0, 100.0]) if len(answers) else np.full(3, np.nan)
-        rows.append(ReactionRow(rate, spheres, len(answers), p50, p99, worst))
+            rows.append(reaction_row(rate, spheres, answers(stream, spheres, _Shown(stream).show)))
     return rows
+
+
+def reaction_row(rate: float, spheres: int, times: Sequence[float]) -> ReactionRow:
+    """Sum up the times [s] of answers."""
+    milliseconds = 1e3 * np.array(times)
+    p50, p99, worst = np.percentile(milliseconds, [50.0, 99.0, 100.0]) if len(times) else np.full(3, np.nan)
+    return ReactionRow(rate, spheres, len(times), p50, p99, worst)
 
 
 def table(rows: list[ReactionRow]) -> str:
@@ -123,12 +128,31 @@ def table(rows: list[ReactionRow]) -> str:
     return text_table(head, cells, digits=1)
 
 
-def _answers(stream: PlannerStream, count: int) -> list[float]:
-    """Times [s] from the message of a sphere to the next trajectory, where one comes while the sphere is shown."""
+@dataclass
+class _Shown:
+    """A sphere that the stream shows as an obstacle of its own: the same one would be taken for a very fast one."""
+
+    stream: PlannerStream
+
+    def show(self, place: np.ndarray | None) -> None:
+        """Show it at a place (3,) [m]; None: no longer."""
+        if place is None:
+            self.stream.spheres = no_spheres
+            return
+        self.stream.first_number += 1
+        self.stream.spheres = lambda _: (place[None], np.array([RADIUS]))
+        self.stream.tell_spheres()
+
+
+def answers(stream: PlannerStream, count: int, show: Callable[[np.ndarray | None], None]) -> list[float]:
+    """Return the times [s] from a sphere that is shown to the next trajectory, where one comes meanwhile.
+
+    count : how many spheres. show : shows one where it is handed a place (3,) [m], and none where it is handed None.
+    """
     heard, robot = _Heard(stream), Robot.named(stream.skill.robot)
     goals = [stream.skill.goal_pose, stream.skill.start_pose]
     found = []
-    for number in range(count):
+    for _ in range(count):
         if not stream.time_to_goal >= AHEAD + SHOWN:
             stream.wait(lambda: heard.left() <= 0.0, PATIENCE)
             before = len(heard.times)
@@ -138,13 +162,10 @@ def _answers(stream: PlannerStream, count: int) -> list[float]:
             stream.spend(QUIET)
         place = heard.tool_at(stream.now() + AHEAD, robot)
         before = len(heard.times)
-        # Each is an obstacle of its own: the same one would be taken for one that moves very fast.
-        stream.first_number = number
-        stream.spheres = lambda _, place=place: (place[None], np.array([RADIUS]))
-        published = stream.now()
-        stream.tell_spheres()
+        shown = stream.now()
+        show(place)
         stream.spend(SHOWN)
-        found += [time - published for time in heard.times[before : before + 1]]
-        stream.spheres = no_spheres
+        found += [time - shown for time in heard.times[before : before + 1]]
+        show(None)
         stream.spend(QUIET)
     return found
