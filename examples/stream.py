@@ -50,7 +50,8 @@ def play(skill: Skill, avoidance: bool) -> tuple[np.ndarray, np.ndarray, np.ndar
 figure, (above, below) = plt.subplots(2, 1, sharex=True, figsize=(7, 5), layout="constrained")
 for name, avoidance in (("without avoidance", False), ("with avoidance", True)):
     clearance, distance, took = play(Skill.load("panda_reach_to_grasp"), avoidance)
-    print(f"{name}: {100 * clearance.min():.1f} cm at least from the sphere, {1000 * np.median(took):.1f} ms a tick")
+    least, end = 100 * clearance.min(), 100 * distance[-1]  # [cm]
+    print(f"{name}: {least:.1f} cm from the sphere, {end:.1f} cm from the goal, {1000 * np.median(took):.1f} ms a tick")
     above.plot(TICK * np.arange(len(clearance)), 100 * clearance, label=name)
     below.plot(TICK * np.arange(len(clearance)), 100 * distance)
 above.axhline(0.0, color="black", linewidth=0.8)

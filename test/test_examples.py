@@ -21,7 +21,10 @@ PRINTED = {
     "plan": {
         r"without avoidance: OK, clearance (\S+) mm": (-inf, -5), r"with avoidance: OK, clearance (\S+) mm": (0, 50),
     },
-    "stream": {r"without avoidance: (\S+) cm": (-inf, -1), r"with avoidance: (\S+) cm": (0.5, inf)},
+    "stream": {
+        r"without avoidance: (\S+) cm": (-inf, -1), r"with avoidance: (\S+) cm": (0.5, inf),
+        r"with avoidance: .*, (\S+) cm from the goal": (0, 1),
+    },
     "teach_from_csv": {
         r"demonstrations, (\S+) mm off": (0, 10), r"free: OK, clearance (\S+) mm": (inf, inf),
         r"around a sphere: OK, clearance (\S+) mm": (0, inf),
@@ -37,7 +40,7 @@ PRINTED = {
     },
     "filter_a_policy": {
         r"policy alone: (\S+) cm": (-inf, -1), r"(\S+) s  NO_FEASIBLE_PATH": (0, 8),
-        r"with the filter: (\S+) cm": (0.5, inf),
+        r"with the filter: (\S+) cm": (0.5, inf), r"with the filter: .* at the end (\S+) rad off": (0, 0.001),
     },
     "filter_a_step_loop": {
         r"actions alone: (\S+) cm": (-inf, -1), r"(\S+) s  NO_FEASIBLE_PATH": (0, 10),
