@@ -32,7 +32,8 @@ class CycleInputs:
     transit : the longest that messages of the arm have lately taken to here [s].
     unarmed : why nothing is to be commanded, but planned and shown; "" where the planner is armed.
     goal : the newest requested goal, or offered trajectory, or the refusal of its message; None before the first.
-    goal_number : grows with every requested goal.
+    goal_number : grows with every requested goal. withdrawn : the number of a goal that is not wanted any more, and
+        why; 0: of none.
     obstacles : those that exist now.
     silent_sources : obstacle topics that have fallen silent, with for how long [s]; empty where that does
         not matter.
@@ -78,6 +79,7 @@ class CycleInputs:
     drive_age: float = 0.0
     transit: float = 0.0
     unarmed: str = ""
+    withdrawn: tuple[int, str] = (0, "")
 
     @property
     def figures(self) -> dict[str, float]:
@@ -103,7 +105,7 @@ class CycleOutput:
     Attributes
     ----------
     verdict : of this cycle; goal_verdict : of the newest requested goal. When that is a refusal, the motion still
-        serves the goal before.
+        serves the goal before. goal_served : the number of the goal that it serves; 0: none.
     commanded : pose to be at now, from a planner of poses; None from all others, before anything is known, and while an
         arm that was lost does not rest.
     trajectory : joint reference to play in the place of the one before, and the time of its first knot [s]; None from a
@@ -128,6 +130,7 @@ class CycleOutput:
     mode: str = ""
     news: str = ""
     disarms: str = ""
+    goal_served: int = 0
 
     @property
     def is_goal_refused(self) -> bool:

@@ -68,6 +68,7 @@ class FilterNode(LoopingNode):
             values["horizon"],
         )  # fmt: skip
         self.cycle.paused = why_paused(values.values)
+        self.cycle.commands = values["trajectory_action"] or self.cycle.commands
         self.cycle.state_topic = self.resolve_topic_name("joint_states")
         awaited = {TRAJECTORY: "a trajectory", TARGET: "a target"}
         subject = Subject("a filter of the motions", name, awaited, FilterInputs, "the end of the trajectory")

@@ -100,15 +100,20 @@ def parse_markers(wire: bytes) -> list[SeenMarker]:
     return _markers(wire)
 
 
-def _markers(wire: bytes, count: int | None = None) -> list[SeenMarker]:
+def checked_plain(wire: bytes, what: str) -> bytes:
+    """Return what follows the encapsulation of a message, which must be that of plain CDR."""
     if wire[:2] != ENCAPSULATION[:2]:
-        raise MessageRefused(f"markers are written as {wire[:2].hex()}, expected plain CDR, {ENCAPSULATION[:2].hex()}")
-    data, at, found = wire[4:], 0, []
+        raise MessageRefused(f"{what} are written as {wire[:2].hex()}, expected plain CDR, {ENCAPSULATION[:2].hex()}")
+    return wire[4:]
+
+
+def _markers(wire: bytes, count: int | None = None) -> list[SeenMarker]:
+    data, at, found = checked_plain(wire, "markers"), 0, []
     try:
         if count is None:
             (count,), at = _LENGTH.unpack_from(data), 4
         for _ in range(count):
-            marker, at = _marker(data, _multiple(at, 4))
+            marker, at = _marker(data, multiple(at, 4))
             found.append(marker)
         if at > len(data):
             raise struct.error
@@ -120,16 +125,16 @@ def _markers(wire: bytes, count: int | None = None) -> list[SeenMarker]:
 def _marker(data: bytes, at: int) -> tuple[SeenMarker, int]:
     """The marker that begins at a byte, and where it ends."""
     stamp = Stamp._make(_STAMP.unpack_from(data, at))
-    frame, at = _text(data, at + 8)
-    namespace, at = _text(data, at)
+    frame, at = text(data, at + 8)
+    namespace, at = text(data, at)
     number, kind, action = _WHICH.unpack_from(data, at)
-    at = _multiple(at + 12, 8)
+    at = multiple(at + 12, 8)
     x, y, z, *orientation, length, width, height = _NUMBERS.unpack_from(data, at)
     tint = Tint._make(_TINT.unpack_from(data, at + 80))
     at += 96
     lifetime = Stamp._make(_STAMP.unpack_from(data, at))
     # Whether it is locked to its frame, one byte, is of no interest.
-    at = _multiple(at + 9, 4)
+    at = multiple(at + 9, 4)
     points, end = _points(data, at), _after_looks(data, at)
     place = Place(Vector(x, y, z), Turn._make(orientation))
     header, scale = StampedFrame(stamp, frame), Vector(length, width, height)
@@ -141,7 +146,7 @@ def _points(data: bytes, at: int) -> np.ndarray:
     (count,) = _LENGTH.unpack_from(data, at)
     if not count:
         return _NO_POINTS
-    begin = _multiple(at + 4, 8)
+    begin = multiple(at + 4, 8)
     if begin + 24 * count > len(data):
         raise struct.error
     return np.frombuffer(data, dtype="=f8", count=3 * count, offset=begin).reshape(-1, 3)
@@ -164,12 +169,12 @@ def _after_looks(data: bytes, at: int) -> int:
     return at + 4 + size + 1
 
 
-def _text(data: bytes, at: int) -> tuple[str, int]:
-    """The text that begins at a byte, and where what follows does."""
+def text(data: bytes, at: int) -> tuple[str, int]:
+    """Return the text that begins at a byte, and where what follows does."""
     (length,) = _LENGTH.unpack_from(data, at)
     end = at + 4 + length
     # A zero ends it.
-    return data[at + 4 : max(at + 4, end - 1)].decode(errors="replace"), _multiple(end, 4)
+    return data[at + 4 : max(at + 4, end - 1)].decode(errors="replace"), multiple(end, 4)
 
 
 def _after_bytes(data: bytes, at: int) -> int:
@@ -180,9 +185,9 @@ def _after_bytes(data: bytes, at: int) -> int:
 def _after_numbers(data: bytes, at: int, each: int, size: int) -> int:
     """Behind a sequence of so many numbers each, of a size [bytes]."""
     (length,) = _LENGTH.unpack_from(data, at)
-    return _multiple(at + 4, size) + length * each * size if length else at + 4
+    return multiple(at + 4, size) + length * each * size if length else at + 4
 
 
-def _multiple(at: int, size: int) -> int:
-    """The next multiple of a power of two at or after a byte."""
+def multiple(at: int, size: int) -> int:
+    """Return the next multiple of a power of two at or after a byte."""
     return (at + size - 1) & -size

@@ -48,6 +48,10 @@ class MessageRefused(GeodesicMotionError):
     """The error of a message that cannot be used; it says what is wrong with it and what would be right."""
 
 
+class TransformAwaited(Exception):
+    """What is raised where a message is to wait for a transform: it is taken later, as if it came then."""
+
+
 # ---------------------------------------------------------------- frames
 
 #: Origin (3,) [m] and unit quaternion (w, x, y, z) of a frame in another one.

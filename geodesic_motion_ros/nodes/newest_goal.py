@@ -43,7 +43,14 @@ class NewestGoal(Generic[Prepared]):
         self.number = 0
         self.verdict: Verdict = Refusal(VerdictCode.NO_GOAL, f"no {noun} has been given")
         self.is_set = False
+        # The number of the goal that was prepared last, and of that which the planner has.
+        self._asked = self._taken = 0
         self._is_refused = False  # whether the message of the newest one was
+
+    @property
+    def served(self) -> int:
+        """The number of the goal that the planner has; 0: none."""
+        return self._taken if self.is_set else 0
 
     @property
     def is_prepared(self) -> bool:
@@ -61,6 +68,7 @@ class NewestGoal(Generic[Prepared]):
         if isinstance(inputs.goal, Refusal):
             self.verdict, self._is_refused = inputs.goal, True
         else:
+            self._asked = self.number
             self.prepare(preparing())
             self.verdict = Refusal(VerdictCode.NO_GOAL, PREPARING)
 
@@ -78,7 +86,8 @@ class NewestGoal(Generic[Prepared]):
         if prepared is None:
             return
         verdict = self._take(prepared)
-        self.is_set = self.is_set or verdict.ok
+        if verdict.ok:
+            self.is_set, self._taken = True, self._asked
         # What is reported is of the newest goal: of one before it nothing.
         if self.is_prepared and not self._is_refused:
             self.verdict = verdict
@@ -90,6 +99,11 @@ class NewestGoal(Generic[Prepared]):
         if halt.dropping:
             self.drop(halt.dropping)
         return halt.refusal
+
+    def withdraw(self, number: int, why: str) -> None:
+        """Drop a goal, by its number, where the planner has it or it is being prepared."""
+        if number == (self.served if self.is_prepared else self._asked) != 0:
+            self.drop(why)
 
     def drop(self, why: str) -> None:
         """Forget the goal: where something unexpected has happened, an arm must not set out again by itself."""

@@ -18,7 +18,8 @@ PLANNER = (
     Parameter(
         "base_frame",
         _ROBOT.base_link,
-        "Frame of all poses; messages in other frames go through tf2 where it is installed, and are refused otherwise. "
+        "Frame of all poses; messages in other frames go through tf where tf2_msgs is installed, and are refused "
+        "otherwise. "
         "The default stands for the skill's own frame, with joint_prefix",
     ),
     Parameter(
@@ -33,6 +34,12 @@ PLANNER = (
         "What commands the arm: joint_trajectory, or target_pose, a stream of tool poses, with target_posture, the "
         "configurations that hold them; only an arm that follows these too is guarded as a whole",
         choices=("joint_trajectory", "target_pose"),
+    ),
+    Parameter(
+        "trajectory_action",
+        "",
+        "With output joint_trajectory: the FollowJointTrajectory action that trajectories go to as goals, such as "
+        "panda_arm_controller/follow_joint_trajectory, in the place of the topic. Empty: the topic",
     ),
     Parameter(
         "armed",
@@ -329,6 +336,15 @@ PLANNER = (
         0.01,
         60.0,
         read_only=False,
+    ),
+    Parameter(
+        "block_timeout",
+        30.0,
+        "A goal of the action move_to_goal that the arm has stood before for so long ends with the verdict's code, and "
+        "is dropped",
+        "s",
+        0.1,
+        3600.0,
     ),
     Parameter(
         "tracking_tolerance",
@@ -632,15 +648,15 @@ VIEW = (
 #: Parameters of the planner that belong to its skill, or to poses as output: a filter has none of these.
 _OF_SKILLS = {
     "skill", "output", "avoid", "tool_spheres", "ambient_strength", "ambient_width_ratio", "ambient_law", "cost_cap",
-    "task_frame", "ridge_strength", "query_conditioning", "maximum_offset", "maximum_offset_angle",
+    "task_frame", "block_timeout", "ridge_strength", "query_conditioning", "maximum_offset", "maximum_offset_angle",
     "maximum_joint_offset", "timing", "periodic", "rounds", "body_radius", "refine", "approach_covered_goal",
     "tracking_tolerance", "tracking_tolerance_angle", "latent_view_rate", "latent_view_size",
 }  # fmt: skip
 #: What is otherwise with a filter: what is offered says itself how fast the arm is to be.
 _OF_FILTER: dict[str, dict[str, Any]] = {
     "base_frame": {
-        "description": "Frame of all poses; messages in other frames go through tf2 where it is installed, and are "
-        "refused otherwise. The default stands for the robot's own frame, with joint_prefix"
+        "description": "Frame of all poses; messages in other frames go through tf where tf2_msgs is installed, and "
+        "are refused otherwise. The default stands for the robot's own frame, with joint_prefix"
     },
     "scene": {
         "description": "What always stands around the arm: a file, as in config/scenes, or the name of one of those; "

@@ -56,7 +56,7 @@ TRANSIT = 0.005
 #: A joint state may be this old [s] before its age counts as lag: what two periods of a driver of 40 Hz take.
 FRESH = 0.05
 #: Topics whose obstacles have names that an object in the hand may have, too.
-_NAMED = ("obstacles", "obstacle_marker")
+_NAMED = ("obstacles", "obstacle_marker", "planning_scene")
 #: Two stops because of the posture have no progress between them where the tool is within this distance [m].
 _NO_PROGRESS = 0.01
 
@@ -83,6 +83,7 @@ class PlannerCycle:
     Attributes
     ----------
     state_topic : where the arm's state comes from, as messages name it; "joint_states" until it is set.
+    commands : where the commands go, as messages name it; that of `command_topic` until it is set.
     steady : how far the arm rests from where it is commanded.
     paused : why the arm is to rest on its path, and to go on once that is over; "" where it is not. Any thread may set
         it, after `changes` that are to count as the arm goes on.
@@ -111,7 +112,7 @@ class PlannerCycle:
                 f"parameter horizon = {horizon:g}: must not be less than prediction, {planner.settings.prediction:g} s"
             )
         self.planner = planner
-        self.state_topic, self._command_topic = "joint_states", command_topic
+        self.state_topic, self.commands, self._command_topic = "joint_states", command_topic, command_topic
         self.state_timeout, self.resume_timeout = state_timeout, resume_timeout
         self._clock, self._time = clock, CycleClock()
         self._began = 0.0
@@ -238,9 +239,9 @@ class PlannerCycle:
         obstacles_taken = self._take_obstacles(inputs)
         if self._shows:
             return self._show(obstacles_taken, inputs)
-        refused = self._take_state(inputs) or self._heed(rivals(inputs, self._command_topic))
+        refused = self._take_state(inputs) or self._heed(rivals(inputs, self.commands))
         without_goal = None if self._goal.is_set else self._goal.verdict
-        verdict = refused or readiness(inputs, self._command_topic, self._uncounted, without_goal)
+        verdict = refused or readiness(inputs, self.commands, self._uncounted, without_goal)
         if held := inputs.unarmed or (self._rests if verdict.ok else ""):
             verdict = Refusal(VerdictCode.HOLD_REQUESTED, held)
         deadline = Deadline(self._began + DEADLINE_SHARE * period, self._clock)
@@ -270,18 +271,22 @@ class PlannerCycle:
         stale = stale_state(inputs, self.state_topic, self.state_timeout, self.resume_timeout)
         without_goal = None if self._goal.is_set else self._goal.verdict
         judged: list[Verdict] = [] if stale is None else [stale.refusal]
-        judged += [verdict, readiness(inputs, self._command_topic, self._uncounted, without_goal), self._frame_verdict]
+        judged += [verdict, readiness(inputs, self.commands, self._uncounted, without_goal), self._frame_verdict]
         refused = next((one for one in judged if not one.ok), None)
         if refused is not None:
             self._shown.forget()
-            return CycleOutput(refused, self._goal.verdict, mode=Mode.from_verdict(refused).value)
+            mode = Mode.from_verdict(refused).value
+            return CycleOutput(refused, self._goal.verdict, mode=mode, goal_served=self._goal.served)
         assert inputs.measured is not None  # it is not stale
         plan = self._shown.make(inputs.measured, inputs.goal_number, inputs.now, inputs.heard)
         shown = plan.verdict
         if plan.reference is not None and shown.ok:
             shown = Refusal(VerdictCode.HOLD_REQUESTED, inputs.unarmed, shown.figures)
         reference = plan.reference if plan.verdict.ok else None
-        return CycleOutput(shown, self._goal.verdict, reference=reference, mode=Mode.from_verdict(shown).value)
+        mode = Mode.from_verdict(shown).value
+        return CycleOutput(
+            shown, self._goal.verdict, reference=reference, mode=mode, goal_served=self._goal.served
+        )  # fmt: skip
 
     def _in_turn(self, inputs: CycleInputs) -> CycleInputs:
         """The inputs with continuous joints measured in the turn that is commanded, however the driver counts turns."""
@@ -409,6 +414,7 @@ class PlannerCycle:
             mode=plan.mode.value,
             news="; ".join(filter(None, (self._news, self.steady.take_news()))),
             disarms=self._disarms,
+            goal_served=self._goal.served,
         )
 
     def _hand_over(self, plan: Plan) -> tuple[JointReference, float] | None:
@@ -437,6 +443,7 @@ class PlannerCycle:
 
     def _take_goal(self, inputs: CycleInputs) -> None:
         self._goal.hear(inputs, partial(self._preparing, inputs))
+        self._goal.withdraw(*inputs.withdrawn)
         if not self._goals_wait:
             self._goal.take_prepared()
 

@@ -25,6 +25,7 @@ from geodesic_motion_ros.nodes.planner_inputs import PlannerInputs
 from geodesic_motion_ros.nodes.planner_outputs import PlannerOutputs
 from geodesic_motion_ros.nodes.running import STEADY, LoopingNode
 from geodesic_motion_ros.nodes.steady_loop import SteadyLoop
+from geodesic_motion_ros.nodes.trajectory_action import TrajectoryGoals
 from geodesic_motion_ros.nodes.view_thread import ViewThread
 from geodesic_motion_ros.robot.held_objects import HeldObject
 from geodesic_motion_ros.robot.kinematics import Robot
@@ -93,9 +94,11 @@ class PlannerFace:
         robot = robot.prefixed(options["joint_prefix"])
         armed = options.values.get("armed", True)
         self.inputs = subject.inputs(node, options, robot, subject.robot, changed, armed)
+        action = options.values.get("trajectory_action", "")
+        self._trajectory_goals = TrajectoryGoals(node, action, self.inputs.refusals) if action else None
         self.outputs = PlannerOutputs(
             node, options["base_frame"], subject.robot, command_topic, guarded, robot.joint_names, self.inputs.time,
-            subject.inputs.noun,
+            subject.inputs.noun, self._trajectory_goals,
         )  # fmt: skip
         self._log = node.get_logger()
         self._said: dict[str, float] = {}
@@ -134,6 +137,8 @@ class PlannerFace:
     def start(self) -> None:
         """Begin to plan and command."""
         self.inputs.start()
+        if self._trajectory_goals is not None:
+            self._trajectory_goals.start()
         self.loop.start()
         for picture in self._pictures:
             picture.start()
@@ -142,10 +147,17 @@ class PlannerFace:
         """End the threads; harmless when they have ended or never began."""
         self.loop.stop()
         self.inputs.stop()
+        if self._trajectory_goals is not None:
+            self._trajectory_goals.stop()
         for picture in self._pictures:
             picture.stop()
         for service in self._answering:
             service.stop()
+
+    @property
+    def newest(self) -> tuple[CycleInputs, CycleOutput] | None:
+        """The newest cycle; None before the first."""
+        return self._newest
 
     # ------------------------------------------------------------ control loop
 

@@ -5,9 +5,10 @@ from __future__ import annotations
 import threading
 import time
 import traceback
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -15,7 +16,7 @@ from geometry_msgs.msg import PointStamped, PoseStamped
 from rclpy.node import Node
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from sensor_msgs.msg import JointState, PointCloud2
-from std_msgs.msg import String
+from std_msgs.msg import Header, String
 from visualization_msgs.msg import Marker, MarkerArray
 
 from geodesic_motion_ros.contract.status import Refusal, VerdictCode
@@ -23,6 +24,7 @@ from geodesic_motion_ros.filtering.offer import OfferRequest
 from geodesic_motion_ros.geometry.point_clouds import MOMENT
 from geodesic_motion_ros.geometry.pose import Pose
 from geodesic_motion_ros.geometry.shapes import no_solids
+from geodesic_motion_ros.geometry.task_frame import TaskFrame
 from geodesic_motion_ros.nodes.arm_state import ArmState
 from geodesic_motion_ros.nodes.arming import Arming
 from geodesic_motion_ros.nodes.cloud_thread import CloudFigures, CloudThread
@@ -30,8 +32,9 @@ from geodesic_motion_ros.nodes.cycle import CycleInputs
 from geodesic_motion_ros.nodes.delivery import TransitWatch, stamp_of
 from geodesic_motion_ros.nodes.described_arm import DescribedArm
 from geodesic_motion_ros.nodes.drive_watch import DRIVE_TOPIC
-from geodesic_motion_ros.nodes.frames import FixedFrame, frames_of
-from geodesic_motion_ros.nodes.marker_bytes import parse_marker, parse_markers
+from geodesic_motion_ros.nodes.extras import extra
+from geodesic_motion_ros.nodes.frames import PATIENCE, FixedFrame, LateTransforms, frames_of
+from geodesic_motion_ros.nodes.marker_bytes import SeenMarker, Stamp, parse_marker, parse_markers
 from geodesic_motion_ros.nodes.marker_messages import (
     MarkerUpdate,
     held_objects_after,
@@ -51,6 +54,7 @@ from geodesic_motion_ros.nodes.node_time import NodeTime
 from geodesic_motion_ros.nodes.obstacle_load import Load, ObstacleLoad
 from geodesic_motion_ros.nodes.obstacle_subscription import ObstacleSubscription
 from geodesic_motion_ros.nodes.parameters import NodeParameters
+from geodesic_motion_ros.nodes.planning_scene import REMOVE, PlanningSceneReader, removal
 from geodesic_motion_ros.nodes.publishers import LATCHED
 from geodesic_motion_ros.nodes.refusals import RefusalLog
 from geodesic_motion_ros.nodes.seen_cloud import CloudSettings, SeenCloud, see_cloud
@@ -69,10 +73,14 @@ RECENT = QoSProfile(depth=10, reliability=ReliabilityPolicy.BEST_EFFORT)
 GOALS = QoSProfile(depth=10)
 
 
-#: How often a cloud that waits for a joint state looks for one [s].
+#: How often a cloud that waits for a joint state, or for a transform, looks for one [s].
 _LOOK = 0.005
+#: Goals wait in one queue for transforms: the newest counts, whichever topic it came on.
+_GOAL = "goal"
 #: The topic of what the hand holds.
 HELD = "~/held_objects"
+#: The topic of MoveIt's planning scene.
+SCENE = "planning_scene"
 #: Goals with this frame id are relative to the task frame, and move with it.
 TASK_FRAME = "task_frame"
 
@@ -112,11 +120,13 @@ class PlannerInputs:
         self._node, self._parameters, self._robot = node, parameters, robot
         self._changed = changed
         self._frame: str = parameters["base_frame"]
-        self.frames = frames_of(node)
+        self.refusals = RefusalLog(node.get_logger().warning)
+        self._late = LateTransforms(node, self._frame)
+        self.frames = frames_of(node, self.refusals, self._late.look)
         if parameters["camera_frame"]:
             place = np.array(parameters["camera_pose"])
             self.frames = FixedFrame(parameters["camera_frame"], (place[:3], place[3:]), self.frames)
-        self.refusals = RefusalLog(node.get_logger().warning)
+        self._late.frames = self.frames
         self.time = NodeTime(node.get_clock())
         self._lock = threading.Lock()
         self.arming = Arming(armed, parameters["required_obstacle_topics"], self.noun)
@@ -127,6 +137,7 @@ class PlannerInputs:
         self.drive = ArmState(robot, self.refusals, parameters["joint_prefix"], DRIVE_TOPIC)
         self._goal: GoalRequest | OfferRequest | Refusal | None = None
         self._goal_number = 0
+        self._withdrawn = 0, ""
         self._task_frame: tuple[np.ndarray, np.ndarray] | None = None
         self._task_frame_taken: float | None = None
         self._hold = False
@@ -153,6 +164,10 @@ class PlannerInputs:
         self._subscribe_obstacles(MarkerArray, "obstacles", self.on_obstacles, **edits)
         self._subscribe_obstacles(Marker, "obstacle_marker", self.on_marker, **edits)
         self._held_topic = ObstacleSubscription(node, MarkerArray, HELD, self.receive_held, **edits)
+        self._scene = PlanningSceneReader(self._frame, robot.tool_link, self.frames)
+        if (kind := extra("moveit_msgs/msg/PlanningScene")) is not None:
+            scene = {"depth": 50, "reliability": ReliabilityPolicy.RELIABLE}
+            self._subscribe_obstacles(kind, SCENE, self.on_planning_scene, **scene)
         best_effort = ReliabilityPolicy.BEST_EFFORT
         self._subscribe_obstacles(PointStamped, "obstacle_point", self.on_point, depth=10, reliability=best_effort)
         self._subscribe_obstacles(PointCloud2, "obstacle_cloud", self.on_cloud, depth=1, reliability=best_effort)
@@ -174,7 +189,7 @@ class PlannerInputs:
         now = moment.running
         joints, age = self.arm.joints, now - self.arm.taken
         with self._lock:
-            goal, number, hold = self._goal, self._goal_number, self._hold
+            goal, number, hold, withdrawn = self._goal, self._goal_number, self._hold, self._withdrawn
             transit = self._transit.longest(now)
             task_frame = self._task_frame
             publishers, subscribers = self._publishers, self._subscribers
@@ -212,6 +227,7 @@ class PlannerInputs:
             drive_age=now - self.drive.taken,
             transit=transit,
             unarmed=self.arming.unarmed,
+            withdrawn=withdrawn,
             other_arm=self._described.fault,
         )
 
@@ -281,6 +297,7 @@ class PlannerInputs:
     def clear_obstacles(self) -> int:
         """Forget all obstacles and what was expected of their topics; returns how many there were."""
         self._cloud_thread.forget()
+        self._scene.forget_objects()
         with self._lock:
             count = len(self._tracker.current(self.time.running()))
             self._tracker.clear()
@@ -291,16 +308,21 @@ class PlannerInputs:
         """Hear where the arm is to go."""
         origin = np.array(self._parameters["task_frame"])
         self._task_frame = origin[:3], origin[3:]
-        self._subscribe(PoseStamped, "goal_pose", self._on_goal, GOALS)
-        self._subscribe(JointState, "goal_joints", self._on_goal_joints, GOALS)
+        self._subscribe(PoseStamped, "goal_pose", self._on_goal, GOALS, _GOAL)
+        self._subscribe(JointState, "goal_joints", self._on_goal_joints, GOALS, _GOAL)
         self._subscribe(PoseStamped, "task_frame", self.on_task_frame, GOALS)
 
-    def _subscribe(self, kind: type, topic: str, take: Callable[[Any], None], qos: QoSProfile) -> None:
+    def _subscribe(
+        self, kind: type, topic: str, take: Callable[[Any], None], qos: QoSProfile, queue: str = ""
+    ) -> None:
+        """queue : of messages that wait for transforms; "": that of the topic."""
+
         def receive(message: Any) -> None:
             with self.refusals.guard(topic):
                 take(message)
 
-        self._node.create_subscription(kind, topic, receive, qos)
+        receive_in_turn = lambda message: self._late.take(queue or topic, partial(receive, message))  # noqa: E731
+        self._node.create_subscription(kind, topic, receive_in_turn, qos)
 
     def _subscribe_obstacles(
         self, kind: type, topic: str, take: Callable[[Any], list[Key] | None], **offered: Any
@@ -314,6 +336,10 @@ class PlannerInputs:
                 return take(message) or []
             return []
 
+        def receive_in_turn(message: Any) -> list[Key]:
+            # Of a message that waits nobody answers for what it puts: it stays when its publisher ends.
+            return self._late.take(topic, partial(receive, message)) or []
+
         def receive_latched(keys: list[Key], publishers: frozenset[str]) -> None:
             with self._lock:
                 self._tracker.answer_for(topic, keys, publishers)
@@ -323,7 +349,7 @@ class PlannerInputs:
                 self._tracker.end(topic, publisher, self.time.running())
 
         self._obstacle_topics[topic] = ObstacleSubscription(
-            self._node, kind, topic, receive, take_latched=receive_latched, take_end=receive_end, **offered
+            self._node, kind, topic, receive_in_turn, take_latched=receive_latched, take_end=receive_end, **offered
         )
 
     def _set_publishers(self, topic: str) -> None:
@@ -352,30 +378,52 @@ class PlannerInputs:
         """Take a serialised JointState of what the drive commands."""
         self.drive.receive(message, self.time.read())
 
-    def _on_goal(self, message: PoseStamped) -> None:
+    def request_goal(self, topic: str, message: PoseStamped | JointState, numbered: Callable[[int], None]) -> None:
+        """Take a goal as if it came on a topic; only the thread that spins the node calls this. numbered : called with
+        its number, whether it is refused or not.
+        """
+        take = {"goal_pose": self._on_goal, "goal_joints": self._on_goal_joints}[topic]
+
+        def receive() -> None:
+            with self.refusals.guard(topic):
+                take(message, numbered)
+
+        self._late.take(_GOAL, receive)
+
+    def withdraw_goal(self, number: int, why: str) -> None:
+        """Have a goal dropped, by its number, where it is still what the planner goes to."""
+        with self._lock:
+            self._withdrawn = number, why
+
+    def _on_goal(self, message: PoseStamped, numbered: Callable[[int], None] = lambda _: None) -> None:
         in_task_frame = message.header.frame_id == TASK_FRAME
+        if not in_task_frame:
+            self._late.need([message.header])
         try:
             pose = Pose(*read_pose(message, TASK_FRAME if in_task_frame else self._frame, self.frames))
         except MessageRefused as error:
-            self._set_goal(Refusal(VerdictCode.BAD_INPUT, f"goal_pose: {error}"))
+            numbered(self._set_goal(Refusal(VerdictCode.BAD_INPUT, f"goal_pose: {error}")))
             raise
-        self._set_goal(GoalRequest(pose, in_task_frame))
+        numbered(self._set_goal(GoalRequest(pose, in_task_frame)))
 
-    def _on_goal_joints(self, message: JointState) -> None:
+    def _on_goal_joints(self, message: JointState, numbered: Callable[[int], None] = lambda _: None) -> None:
         try:
             goal = GoalRequest(configuration=read_joint_positions(message, self._robot.joint_names))
         except MessageRefused as error:
-            self._set_goal(Refusal(VerdictCode.BAD_INPUT, f"goal_joints: {error}"))
+            numbered(self._set_goal(Refusal(VerdictCode.BAD_INPUT, f"goal_joints: {error}")))
             raise
-        self._set_goal(goal)
+        numbered(self._set_goal(goal))
 
-    def _set_goal(self, goal: GoalRequest | OfferRequest | Refusal) -> None:
+    def _set_goal(self, goal: GoalRequest | OfferRequest | Refusal) -> int:
+        """Take a goal, and return its number."""
         with self._lock:
             self._goal = goal
             self._goal_number += 1
+            return self._goal_number
 
     def on_task_frame(self, message: PoseStamped) -> None:
         """Take the pose of the task frame."""
+        self._late.need([message.header])
         frame = read_pose(message, self._frame, self.frames)
         moment = self.time.read()
         with self._lock:
@@ -385,44 +433,97 @@ class PlannerInputs:
     def on_obstacles(self, message: bytes) -> list[Key]:
         """Take obstacles, and return the keys of those that the message puts somewhere."""
         markers, updates, refused = parse_markers(message), [], ""
+        self._late.need(marker.header for marker in markers if marker.action == Marker.ADD)
         self._load.count(len(markers))
         for marker in markers:
             # one bad marker must not hide the good ones beside it
             with self.refusals.guard("obstacles") as guard:
                 updates.append(read_marker(marker, self._frame, self.frames))
             refused = guard.reason or refused
+        self._take_updates("obstacles", updates, refused, is_whole=len(updates) == len(markers))
+        return [update.key for update in updates if update.action == "put"]
+
+    def _take_updates(self, source: str, updates: Sequence[MarkerUpdate], refused: str, is_whole: bool) -> None:
+        """Take what a message asks of obstacles. refused : why not all of it; is_whole : whether it is all."""
         moment = self.time.read()
         # A marker without a stamp is as old as the newest one beside it: the DELETEALL that begins a message has none.
         newest = max((update.stamp for update in updates), default=0.0)
         with self._lock:
-            if len(updates) == len(markers):
-                empty = all(update.action == "nothing" for update in updates)
-                self._tracker.hear("obstacles", moment.running, moment.transit(newest), empty=empty)
+            if is_whole:
+                # A scene that says nothing of objects, as of the robot's state, promises no further one.
+                empty = source != SCENE and all(update.action == "nothing" for update in updates)
+                self._tracker.hear(source, moment.running, moment.transit(newest), empty=empty)
             taken = [
-                self._apply("obstacles", update, moment.running, moment.transit(update.stamp or newest))
+                self._apply(source, update, moment.running, moment.transit(update.stamp or newest))
                 for update in updates
             ]
             if refused:
-                self._tracker.refuse("obstacles", refused)
-        self._count_overtaken("obstacles", all(taken))
+                self._tracker.refuse(source, refused)
+        self._count_overtaken(source, all(taken))
         self._changed()
-        return [update.key for update in updates if update.action == "put"]
 
     def receive_held(self, message: bytes) -> None:
         """Take all of a message, or nothing; the arm stands as long as anything that was to be attached is unknown."""
         markers = None
         with self.refusals.guard(HELD) as guard:
             markers = parse_markers(message)
-            held = held_objects_after(markers, self._held, self._robot, self._unknown_held)
-            with self._lock:
-                self._held = held
+            self._hold_objects(markers)
+        self._note_unknown(markers, guard.reason)
+
+    def _hold_objects(self, markers: Sequence[SeenMarker]) -> None:
+        held = held_objects_after(markers, self._held, self._robot, self._unknown_held)
         with self._lock:
-            self._unknown_held = unknown_objects_after(self._unknown_held, markers, guard.reason)
+            self._held = held
+
+    def _note_unknown(self, markers: Sequence[SeenMarker] | None, reason: str) -> None:
+        with self._lock:
+            self._unknown_held = unknown_objects_after(self._unknown_held, markers, reason)
+
+    def on_planning_scene(self, message: Any) -> list[Key]:
+        """Take a PlanningScene, and return the keys of the obstacles that it puts somewhere."""
+        world, attached = message.world.collision_objects, message.robot_state.attached_collision_objects
+        placing = [one for one in (*world, *(one.object for one in attached)) if one.operation != REMOVE]
+        own = {self._frame, self._robot.tool_link}
+        self._late.need(one.header for one in placing if one.header.frame_id.removeprefix("/") not in own)
+        markers: list[SeenMarker] = []
+        refused = ""
+        if not message.is_diff:
+            self._scene.forget_objects()
+            markers.append(removal("", Stamp(0, 0)))
+        for one in world:
+            with self.refusals.guard(SCENE) as guard:
+                markers += self._scene.changes(one)
+            refused = guard.reason or refused
+        for one in attached:
+            markers += self._attach(one)
+        self._load.count(len(markers))
+        updates = []
+        for marker in markers:
+            with self.refusals.guard(SCENE) as guard:
+                updates.append(read_marker(marker, self._frame))
+            refused = guard.reason or refused
+        self._take_updates(SCENE, updates, refused, is_whole=not refused)
+        return [update.key for update in updates if update.action == "put"]
+
+    def _attach(self, message: Any) -> list[SeenMarker]:
+        """Take an AttachedCollisionObject, and return the markers of what that changes in the world."""
+        joints, asked = self.arm.joints, None
+        with self.refusals.guard(SCENE) as guard:
+            tool = None if joints is None else TaskFrame(*self._robot.forward(joints))
+            asked = self._scene.attachment(message, tool)
+            self._hold_objects(asked.held)
+            self._scene.attach(asked)
+        # What could not be read is known by its name alone.
+        unread = removal(message.object.id, Stamp(0, 0))._replace(action=Marker.ADD)
+        self._note_unknown([unread] if asked is None else asked.held, guard.reason)
+        return [] if asked is None or guard.reason else asked.obstacles
 
     def on_marker(self, message: bytes) -> list[Key]:
         """Take an obstacle, as `on_obstacles`, of one marker."""
+        marker = parse_marker(message)
+        self._late.need([marker.header])
         self._load.count(1)
-        update = read_marker(parse_marker(message), self._frame, self.frames)
+        update = read_marker(marker, self._frame, self.frames)
         moment = self.time.read()
         with self._lock:
             taken = self._apply("obstacle_marker", update, moment.running, moment.transit(update.stamp))
@@ -450,6 +551,7 @@ class PlannerInputs:
 
     def on_point(self, message: PointStamped) -> None:
         """Take a point as an obstacle."""
+        self._late.need([message.header])
         centre = read_point(message, self._frame, self.frames)
         radius, lifetime = self._parameters["obstacle_point_radius"], self._parameters["obstacle_lifetime"]
         moment = self.time.read()
@@ -464,7 +566,8 @@ class PlannerInputs:
     def on_cloud(self, message: PointCloud2) -> None:
         """Take a point cloud."""
         # One that is of no use must not take the place of one that waits.
-        frame_of(message.header, self._frame, self.frames)
+        if not self._late.may_come(message.header):
+            frame_of(message.header, self._frame, self.frames)
         moment = self.time.read()
         heard = moment.running, moment.transit(seconds(message.header.stamp))
         self._cloud_thread.put((message, heard[0] - max(0.0, heard[1])), heard)
@@ -473,7 +576,7 @@ class PlannerInputs:
         """Read a cloud that was taken at a time [s, running]; None where it is refused, or the node ends."""
         message, taken = heard
         filters = self._parameters["self_filter"]
-        if filters and not self._wait_for_joints(taken):
+        if not self._wait_for_frame(message.header) or (filters and not self._wait_for_joints(taken)):
             return None
         with self._obstacle_guard("obstacle_cloud"):
             joints = self._joints_at(taken) if filters else None
@@ -504,6 +607,14 @@ class PlannerInputs:
                 )
             return seen, figures
         return None
+
+    def _wait_for_frame(self, header: Header) -> bool:
+        """Wait a moment for where a frame stood; False where the node ends meanwhile."""
+        begun = time.monotonic()
+        while self._late.may_come(header) and time.monotonic() - begun < PATIENCE:
+            if self._stopped.wait(_LOOK):
+                return False
+        return True
 
     def _wait_for_joints(self, taken: float) -> bool:
         """Wait for a joint state of a time [s, running] or later, as long as the arm moves on without one; False where

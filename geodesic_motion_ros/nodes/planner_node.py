@@ -20,6 +20,8 @@ from geodesic_motion_ros.geometry.task_frame import TaskFrame
 from geodesic_motion_ros.kernels.loading import load_kernels
 from geodesic_motion_ros.motion.worker import Worker
 from geodesic_motion_ros.nodes.cycle import CycleInputs, CycleOutput, PoseArrays
+from geodesic_motion_ros.nodes.extras import extra, lacking
+from geodesic_motion_ros.nodes.goal_action import GoalAction
 from geodesic_motion_ros.nodes.parameter_tables import PLANNER
 from geodesic_motion_ros.nodes.parameters import NodeParameters, Value
 from geodesic_motion_ros.nodes.planner_cycle import PlannerCycle
@@ -74,15 +76,28 @@ class PlannerNode(LoopingNode):
             values["horizon"], values["output"], background=self._goals, tool_tolerance=tool_tolerance(values.values),
         )  # fmt: skip
         self.cycle.paused = why_paused(values.values)
+        self.cycle.commands = values["trajectory_action"] or values["output"]
         self.cycle.state_topic = self.resolve_topic_name("joint_states")
         self.face = PlannerFace(
             self, values, Subject.of_skill(skill, self.planner.robot), self.planner.robot, values["output"],
             self.planner.settings.avoid, self._tick, self._died, self._tool_poses, self._plan, self._obstacles_changed,
         )  # fmt: skip
+        self._action = self._goal_action(values["block_timeout"])
         self.inputs, self.outputs, self.loop = self.face.inputs, self.face.outputs, self.face.loop
         self.inputs.declared = self.planner.scene.solids
         self.face.draw_path(self._draw_markers)
         self.face.draw_latent(lambda size: latent_view(self.planner, skill, size))
+
+    def _goal_action(self, patience: float) -> GoalAction | None:
+        """The action server of goals, where its interface is installed."""
+        if lacks := lacking():
+            self.get_logger().info(lacks)
+        kind = extra("geodesic_motion_msgs/action/MoveToGoal")
+        if kind is None:
+            return None
+        return GoalAction(
+            self, kind, self.face.inputs, self.planner.robot, lambda: self.face.newest, patience, self._died
+        )  # fmt: skip
 
     def _introduction(self) -> str:
         tool_alone = self.planner.settings.avoid != "arm"
@@ -91,9 +106,13 @@ class PlannerNode(LoopingNode):
     def start(self) -> None:
         """Begin to plan and command."""
         self.face.start()
+        if self._action is not None:
+            self._action.start()
 
     def stop(self) -> None:
         """End the threads; harmless when they have ended or never began."""
+        if self._action is not None:
+            self._action.stop()
         self.face.stop()
         self._goals.shutdown(wait=True, cancel_futures=True)
         self._worker.close()
@@ -196,6 +215,8 @@ def _caution(planner: ReactivePlanner, scene_is_recorded: bool) -> str:
 
 def _check_settings(values: Mapping[str, Value]) -> None:
     refuse_no_rotation(values)
+    if values["trajectory_action"] and values["output"] != "joint_trajectory":
+        raise ParameterError("parameters do not go together: trajectory_action needs output joint_trajectory")
     try:
         planner_settings(values)
     except PlanningError as error:

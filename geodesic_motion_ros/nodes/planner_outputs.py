@@ -46,6 +46,7 @@ from geodesic_motion_ros.nodes.obstacle_load import Load, advice
 from geodesic_motion_ros.nodes.publishers import LATCHED, publishers_of, subscribers_of
 from geodesic_motion_ros.nodes.refusals import RefusalLog
 from geodesic_motion_ros.nodes.steady_loop import LoopStatistics, SteadyLoop
+from geodesic_motion_ros.nodes.trajectory_action import TrajectoryGoals
 from geodesic_motion_ros.nodes.trajectory_bytes import joint_trajectory_bytes
 from geodesic_motion_ros.obstacles.tracker import ObstacleSet
 from geodesic_motion_ros.robot.held_objects import HeldObject
@@ -89,8 +90,10 @@ class PlannerOutputs:
         joint_names: Sequence[str],
         time: NodeTime,
         noun: str = "goal",
+        trajectory_goals: TrajectoryGoals | None = None,
     ) -> None:
-        """command_topic : "target_pose" or "joint_trajectory"; nothing is published on the other.
+        """command_topic : "target_pose" or "joint_trajectory"; nothing is published on the other. trajectory_goals :
+        what sends trajectories in the place of the topic.
 
         guarded : what is kept away from obstacles, as the status says it. time : that trajectories are timed by.
         noun : what a person calls that which the node is asked for.
@@ -98,7 +101,8 @@ class PlannerOutputs:
         self._guarded, self._joint_names, self._time, self._noun = guarded, tuple(joint_names), time, noun
         self._node, self._frame, self._hardware = node, frame, hardware
         kind = PoseStamped if command_topic == "target_pose" else JointTrajectory
-        self._commands = node.create_publisher(kind, command_topic, QoSProfile(depth=1))
+        self._goals = trajectory_goals
+        self._commands = trajectory_goals or node.create_publisher(kind, command_topic, QoSProfile(depth=1))
         if kind is PoseStamped:
             self._postures = node.create_publisher(JointState, "target_posture", QoSProfile(depth=1))
             self._posture_message = JointState(name=list(joint_names))
@@ -124,7 +128,7 @@ class PlannerOutputs:
 
     @property
     def command_topic(self) -> str:
-        """The full name of the topic of the commands."""
+        """The full name of the topic, or of the action, of the commands."""
         return self._commands.topic_name
 
     def publish_target(self, position: np.ndarray, quaternion: np.ndarray, posture: np.ndarray | None = None) -> None:
@@ -152,6 +156,9 @@ class PlannerOutputs:
         """Look for nodes on the topic of the commands: names of those that publish on it, this one among them, and of
         those that receive it.
         """
+        if self._goals is not None:
+            self._received_by = self._goals.subscribers()
+            return self._goals.publishers(), self._received_by
         self._received_by = subscribers_of(self._node, self.command_topic)
         return publishers_of(self._node, self.command_topic), self._received_by
 

@@ -10,7 +10,7 @@ from contextlib import AbstractContextManager
 from types import TracebackType
 from typing import Any
 
-from geodesic_motion_ros.nodes.messages import MessageRefused
+from geodesic_motion_ros.nodes.messages import MessageRefused, TransformAwaited
 
 #: So many times longer than of another reason it takes until the same one is warned of again.
 _REPEATED = 10.0
@@ -21,7 +21,8 @@ class RefusalLog:
     reason again in ten times that: what is refused for ever must not fill the log.
 
     `with refusals.guard("goal_pose") as guard:` swallows a MessageRefused raised inside and books it. So it does with
-    any other exception, whose traceback is logged as well: one message, request or timer must not end the node.
+    any other exception, whose traceback is logged as well: one message, request or timer must not end the node. Only
+    TransformAwaited passes.
     Afterwards `guard.reason` says why, or is empty.
     """
 
@@ -87,7 +88,7 @@ class Guard(AbstractContextManager):
         if isinstance(error, MessageRefused):
             self.reason = str(error) or repr(error)
             self._refusals.add(self._topic, self.reason, prefix=self._prefix)
-        elif isinstance(error, Exception):
+        elif isinstance(error, Exception) and not isinstance(error, TransformAwaited):
             self.reason = f"internal error, see the log: {error!r}"
             details = "\n" + "".join(traceback.format_exception(error))
             self._refusals.add(self._topic, self.reason, details, prefix="an error in")

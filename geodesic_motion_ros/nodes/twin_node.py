@@ -20,6 +20,7 @@ from typing import Any
 
 import numpy as np
 from geometry_msgs.msg import PointStamped, PoseStamped
+from rclpy.action.server import ServerGoalHandle
 from rclpy.qos import QoSProfile
 from rclpy.time import Time
 from sensor_msgs.msg import Image, JointState, PointCloud2
@@ -30,6 +31,7 @@ from visualization_msgs.msg import MarkerArray
 
 from geodesic_motion_ros.nodes.clock_offset import ClockOffset
 from geodesic_motion_ros.nodes.drive_watch import DRIVE_TOPIC
+from geodesic_motion_ros.nodes.extras import extra
 from geodesic_motion_ros.nodes.marker_messages import MarkerScene, sphere_marker
 from geodesic_motion_ros.nodes.messages import (
     MessageRefused,
@@ -50,6 +52,7 @@ from geodesic_motion_ros.nodes.publishers import LATCHED, publishers_of
 from geodesic_motion_ros.nodes.refusals import RefusalLog
 from geodesic_motion_ros.nodes.running import STEADY, LoopingNode, run_node
 from geodesic_motion_ros.nodes.steady_loop import SteadyLoop
+from geodesic_motion_ros.nodes.trajectory_action import KIND, TrajectoryServer
 from geodesic_motion_ros.nodes.twin_parameters import (
     base_frame,
     camera_settings,
@@ -94,6 +97,9 @@ class _Command:
 
     topic: str
     apply: Callable[[], None]
+    #: The goal of an action that asks for it, and until when that lasts [s] by the node's clock.
+    goal: ServerGoalHandle | None = None
+    until: float = 0.0
 
 
 class TwinNode(LoopingNode):
@@ -154,6 +160,7 @@ class TwinNode(LoopingNode):
         self._time = NodeTime(self.get_clock())
         self._moment, self._patience = self._time.read(), _MAKING_UP
         self._set_by, self._stepped_until = 0.0, self._moment.running
+        self._goals: TrajectoryServer | None = None
         self._loop = SteadyLoop(self._tick, values["physics_rate"], self._died, name="physics")
         self._make_interface()
         if values["spawn_at_start"]:
@@ -197,6 +204,10 @@ class TwinNode(LoopingNode):
             self.create_subscription(JointTrajectory, _TRAJECTORIES, self._on_trajectory, qos),
         )
         self.create_subscription(JointState, _POSTURES, self._on_posture, qos)
+        if (kind := extra(KIND)) is not None:
+            self._goals = TrajectoryServer(
+                self, kind, "follow_joint_trajectory", self._accepts, self._on_trajectory
+            )
         self.create_service(Trigger, "~/reset", self._on_reset)
         self.create_service(Trigger, "~/spawn_obstacles", self._on_spawn)
         self.create_service(SetBool, "~/free_drive", self._on_free_drive)
@@ -210,6 +221,8 @@ class TwinNode(LoopingNode):
     def stop(self) -> None:
         """End physics and close the world; harmless when done before."""
         if self._loop.stop():
+            if self._goals is not None:
+                self._goals.play(None)
             self.world.close()
             if self._camera is not None:
                 self._camera.stop()
@@ -230,6 +243,8 @@ class TwinNode(LoopingNode):
         # What a late tick makes up for was before its command came: until then the old one is followed.
         made = self._make_up(steps - 1)
         self._take_command()
+        if self._goals is not None and self._goals.look(1e-9 * moment.ros_time):
+            self.world.hold()
         if steps:
             self._step()
             made += 1
@@ -292,7 +307,9 @@ class TwinNode(LoopingNode):
 
     def _obey(self, command: _Command, now: float) -> None:
         if now < self._deaf_until:
-            self.refusals.add(command.topic, f"the arm was reset, nothing is followed for {_DEAF:g} s")
+            reason = f"the arm was reset, nothing is followed for {_DEAF:g} s"
+            self.refusals.add(command.topic, reason)
+            self._drop(command, reason)
             return
         with self.refusals.guard(command.topic) as guard:
             try:
@@ -300,13 +317,21 @@ class TwinNode(LoopingNode):
             except RobotError as error:
                 raise MessageRefused(str(error)) from error
         if guard.reason:
+            self._drop(command, guard.reason)
             return
+        if self._goals is not None:
+            self._goals.play(command.goal, command.until)
         if command.topic != self._commander and now >= self._quiet_until:
             self._quiet_until = now + _QUIET
             self.get_logger().info(
                 f"{command.topic} commands the arm from now on{self._commander and f', no longer {self._commander}'}"
             )
         self._commander, self._commanded_at = command.topic, now
+
+    def _drop(self, command: _Command, reason: str) -> None:
+        """Take note that a command is not followed."""
+        if self._goals is not None and command.goal is not None:
+            self._goals.refuse(command.goal, reason)
 
     def _serve_mailbox(self) -> None:
         while not self._mailbox.empty():
@@ -401,11 +426,18 @@ class TwinNode(LoopingNode):
         with self.refusals.guard(_HAND):
             self._ask(_Command(_HAND, partial(self.world.pull, *read_pose(message, self._frame))))
 
-    def _on_trajectory(self, message: JointTrajectory) -> None:
+    def _on_trajectory(self, message: JointTrajectory, goal: ServerGoalHandle | None = None) -> None:
         with self.refusals.guard(_TRAJECTORIES):
             waypoints = read_joint_trajectory(message, self._arm, self._options["joint_prefix"])
             begin = seconds(message.header.stamp) or None
-            self._ask(_Command(_TRAJECTORIES, partial(self._follow, waypoints, begin)))
+            until = (begin or 1e-9 * self.get_clock().now().nanoseconds) + float(waypoints.times[-1])
+            self._ask(_Command(_TRAJECTORIES, partial(self._follow, waypoints, begin), goal, until))
+
+    def _accepts(self, message: JointTrajectory) -> bool:
+        """Whether the arm can play a trajectory; the log says why not."""
+        with self.refusals.guard(_TRAJECTORIES) as guard:
+            read_joint_trajectory(message, self._arm, self._options["joint_prefix"])
+        return not guard.reason
 
     def _follow(self, waypoints: JointWaypoints, begin: float | None) -> None:
         step = self.world.set_joint_trajectory(waypoints, begin)
@@ -421,7 +453,9 @@ class TwinNode(LoopingNode):
 
     def _ask(self, command: _Command) -> None:
         with self._command_lock:
-            self._command = command
+            before, self._command = self._command, command
+        if before is not None:
+            self._drop(before, "another command has taken its place")
 
     def _look_for_rivals(self) -> None:
         with self.refusals.guard("the search for other commanders"):
@@ -459,7 +493,11 @@ class TwinNode(LoopingNode):
         self.world.reset(initial_joints(self._options.values, self.world.robot))
         self._begin_anew()
         with self._command_lock:
-            self._command = None
+            before, self._command = self._command, None
+        if before is not None:
+            self._drop(before, "the arm was reset")
+        if self._goals is not None:
+            self._goals.play(None)
         self._commander, self._deaf_until = "", self._time.running() + _DEAF
         return "the arm is where it started, the spheres begin again, contacts count from zero"
 

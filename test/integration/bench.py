@@ -99,10 +99,15 @@ class SteppedClock:
 
         def hear(message: bytes) -> None:
             seconds, nanoseconds = struct.unpack_from("<iI", message, 4)
-            self._lived[topic] = seconds * 10**9 + nanoseconds
+            if topic in self._lived:
+                self._lived[topic] = seconds * 10**9 + nanoseconds
             self._changed()
 
         self._probe.create_subscription(kind, topic, hear, 10, raw=True)
+
+    def leave(self, topic: str) -> None:
+        """Wait no more for a node."""
+        del self._lived[topic]
 
     def __str__(self) -> str:
         behind = {topic or "the bench": 1e-9 * (self.nanoseconds - until) for topic, until in self._lived.items()}
@@ -154,10 +159,14 @@ class Bench:
             self._error = error
             self._notify()
 
-    def add(self, kind: type, namespace: str = "", **parameters: Any) -> Any:
-        """Create a node of this package with parameters, start it and spin it."""
+    def add(self, kind: type, namespace: str = "", remapped: Mapping[str, str] | None = None, **parameters: Any) -> Any:
+        """Create a node of this package with parameters, start it and spin it. remapped : names, and what they become.
+        """
         overrides = options(self._by_the_clock | parameters)
-        node = kind(context=self.context, namespace=namespace, parameter_overrides=overrides)
+        arguments = ["--ros-args"]
+        for name, other in (remapped or {}).items():
+            arguments += ["-r", f"{name}:={other}"]
+        node = kind(context=self.context, namespace=namespace, parameter_overrides=overrides, cli_args=arguments)
         self._nodes.append(node)
         self.executor.add_node(node)
         if self.clock is not None:
@@ -167,6 +176,15 @@ class Bench:
                 self.clock.follow(message, f"{node.get_namespace().rstrip('/')}/{topic}")
         node.start()
         return node
+
+    def end(self, node: Any) -> None:
+        """End a node and take it off; the clock waits for it no more."""
+        if self.clock is not None:
+            self.clock.leave(f"{node.get_namespace().rstrip('/')}/{ANSWERS[type(node)][1]}")
+        node.stop()
+        self._nodes.remove(node)
+        self.executor.remove_node(node)
+        node.destroy_node()
 
     def launch(self, module: str, *arguments: str, where: str = "nodes", **parameters: Any) -> subprocess.Popen:
         """Run a node of this package as a process."""

@@ -3,21 +3,20 @@
 from __future__ import annotations
 
 import math
-import sys
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
-from geometry_msgs.msg import PointStamped, PoseStamped, TransformStamped
+from geometry_msgs.msg import PointStamped, PoseStamped
 from nav_msgs.srv import GetPlan
-from rclpy.time import Time
 from scipy.spatial import cKDTree
 from sensor_msgs.msg import JointState, PointCloud2
 from std_msgs.msg import Header
 from visualization_msgs.msg import Marker, MarkerArray
 
+from geodesic_motion_ros.contract.status import Refusal, VerdictCode
 from geodesic_motion_ros.geometry.task_frame import TaskFrame
+from geodesic_motion_ros.nodes import planner_inputs
 from geodesic_motion_ros.nodes.planner_node import PlannerNode
 from geodesic_motion_ros.robot.kinematics import Robot
 
@@ -216,7 +215,7 @@ class TestTaskFrame:
 
 
 class TestOtherFrames:
-    """tf2 is played by a buffer of one transform, which comes late."""
+    """One frame is known late; `test_tf.py` has frames that come over `/tf`."""
 
     CAMERA = TaskFrame(np.array([1.2, 0.0, 0.9]), np.array([0.0, 0.6, 0.8, 0.0]))
 
@@ -227,23 +226,13 @@ class TestOtherFrames:
         class Late:
             known = False
 
-            def lookup_transform(self, target: str, source: str, time: Time) -> TransformStamped:
-                if not (self.known and (target, source) == (BASE, "camera")):
-                    raise LookupError(f"no {source}")
-                found = TransformStamped().transform
-                place, turn = found.translation, found.rotation
-                place.x, place.y, place.z = TestOtherFrames.CAMERA.origin.tolist()
-                turn.w, turn.x, turn.y, turn.z = TestOtherFrames.CAMERA.quaternion.tolist()
-                return TransformStamped(transform=found)
-
-            def clear(self) -> None:
-                pass
+            def __call__(self, target: str, source: str, stamp: object) -> object:
+                if self.known and (target, source) == (BASE, "camera"):
+                    return TestOtherFrames.CAMERA.origin, TestOtherFrames.CAMERA.quaternion
+                return Refusal(VerdictCode.BAD_INPUT, f"no {source}")
 
         late = Late()
-        tf2 = SimpleNamespace(
-            Buffer=lambda: late, TransformListener=lambda buffer, node: None, TransformException=LookupError
-        )
-        monkeypatch.setitem(sys.modules, "tf2_ros", tf2)
+        monkeypatch.setattr(planner_inputs, "frames_of", lambda *of: late)
         return late
 
     def test_are_refused_until_their_transform_is_there(self, buffer, ready, skill, make_pose):

@@ -9,20 +9,28 @@ import pytest
 from bench import Bench
 from rclpy.node import Node
 
+from geodesic_motion_ros.nodes.extras import extra
 from geodesic_motion_ros.nodes.franka_node import FrankaNode
 from geodesic_motion_ros.nodes.planner_node import PlannerNode
 from geodesic_motion_ros.nodes.record_node import RecordNode
 from geodesic_motion_ros.nodes.twin_node import TwinNode
 
 PAGE = (Path(__file__).resolve().parents[2] / "doc" / "ros_interface.md").read_text()
+#: Rows of actions, which are neither topics nor services, and of topics that need a package, by its message.
+ACTIONS = {"move_to_goal", "trajectory_action", "follow_joint_trajectory"}
+NEEDS = {
+    "planning_scene": "moveit_msgs/msg/PlanningScene", "tf": "tf2_msgs/msg/TFMessage",
+    "tf_static": "tf2_msgs/msg/TFMessage",
+}  # fmt: skip
 #: What every node of rclpy has.
 EVERY = {"rcl_interfaces", "type_description_interfaces", "rosgraph_msgs"}
 
 
 def documented(node: str) -> set[str]:
-    """Names in the first column of the table of a node."""
+    """Names in the first column of the table of a node, of topics and services that are there on this machine."""
     table = PAGE.split(f"opics and services of the {node} ")[1].split("\n\n")[1]
-    return {name for row in table.splitlines() for name in re.findall("`/?(.+?)`", row.split("|")[1])}
+    names = {name for row in table.splitlines() for name in re.findall("`/?(.+?)`", row.split("|")[1])}
+    return names - ACTIONS - {name for name in names if name in NEEDS and extra(NEEDS[name]) is None}
 
 
 def interface(node: Node, namespace: str = "") -> set[str]:

@@ -1,6 +1,6 @@
 """Messages in other frames: carried into the base frame at their stamp, or refused with the reason.
 
-SciPy is the oracle; tf2 is played by a buffer that answers from a table.
+SciPy is the oracle; transforms come as bytes that `rosbags` writes.
 """
 
 from __future__ import annotations
@@ -8,24 +8,32 @@ from __future__ import annotations
 import array
 import math
 import sys
+from collections.abc import Callable
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from builtin_interfaces.msg import Time
-from geometry_msgs.msg import PointStamped, PoseStamped, TransformStamped
+from geometry_msgs.msg import PointStamped, PoseStamped
 from rclpy.clock import ROSClock
+from rclpy.qos import QoSProfile
 from rclpy.time import Time as RosTime
+from rosbags.typesys import Stores, get_typestore
 from scipy.spatial.transform import Rotation
 from sensor_msgs.msg import PointCloud2, PointField
 from std_msgs.msg import Header
 from visualization_msgs.msg import Marker
 
+from geodesic_motion_ros.contract.status import Refusal
 from geodesic_motion_ros.geometry.quaternions import to_rotation
 from geodesic_motion_ros.nodes import messages as m
-from geodesic_motion_ros.nodes.frames import BufferedFrames, frames_of, no_tf2
+from geodesic_motion_ros.nodes.frames import HeardFrames, frames_of, no_tf
 from geodesic_motion_ros.nodes.marker_messages import read_marker
+from geodesic_motion_ros.nodes.refusals import RefusalLog
+from geodesic_motion_ros.nodes.transform_bytes import parse_transforms
 
+STORE = get_typestore(Stores.ROS2_JAZZY)
+TYPES = STORE.types
 BASE, CAMERA = "panda_link0", "camera"
 EARLY, LATE = Time(sec=10), Time(sec=11, nanosec=500_000_000)
 #: Where the camera stands at these times: origin [m] and rotation.
@@ -35,34 +43,51 @@ PLACES = {
 }
 
 
-class NoTransform(Exception):
-    """What the table's buffer raises."""
+def wire(*transforms: tuple[str, str, float, np.ndarray, Rotation]) -> bytes:
+    """A serialised TFMessage of transforms (frame, parent, stamp [s], origin [m], rotation)."""
+    made = [
+        TYPES["geometry_msgs/msg/TransformStamped"](
+            TYPES["std_msgs/msg/Header"](
+                TYPES["builtin_interfaces/msg/Time"](math.floor(stamp), round(1e9 * (stamp % 1.0))), parent
+            ),
+            frame,
+            TYPES["geometry_msgs/msg/Transform"](
+                TYPES["geometry_msgs/msg/Vector3"](*origin), TYPES["geometry_msgs/msg/Quaternion"](*rotation.as_quat())
+            ),
+        )
+        for frame, parent, stamp, origin, rotation in transforms
+    ]
+    return bytes(STORE.serialize_cdr(TYPES["tf2_msgs/msg/TFMessage"](made), "tf2_msgs/msg/TFMessage"))
 
 
-class TableBuffer:
-    """A tf2 buffer that knows the camera at some times; at time 0 it tells of the last of them."""
+class Heard:
+    """What a node would hear of, and the frames that come of it."""
 
-    def __init__(self, places: dict[float, tuple[np.ndarray, Rotation]]) -> None:
-        self.places = places
+    def __init__(self) -> None:
+        self.clock, self.hear, self.changes = ROSClock(), {}, 0
+        self.warnings: list[str] = []
+        self.frames = HeardFrames(self, object, RefusalLog(self.warnings.append), self._changed)
 
-    def lookup_transform(self, target_frame: str, source_frame: str, time: RosTime) -> TransformStamped:
-        asked = 1e-9 * time.nanoseconds or max(self.places, default=0.0)
-        if (target_frame, source_frame) != (BASE, CAMERA) or asked not in self.places:
-            raise NoTransform(f"no {source_frame} at {asked:g}")
-        origin, rotation = self.places[asked]
-        found = TransformStamped()
-        place, turn = found.transform.translation, found.transform.rotation
-        place.x, place.y, place.z = origin.tolist()
-        turn.x, turn.y, turn.z, turn.w = rotation.as_quat().tolist()
-        return found
+    def create_subscription(self, kind: type, topic: str, take: Callable, qos: QoSProfile, raw: bool) -> None:
+        assert raw
+        self.hear[topic] = take
 
-    def clear(self) -> None:
-        self.places.clear()
+    def get_clock(self) -> ROSClock:
+        return self.clock
+
+    def _changed(self) -> None:
+        self.changes += 1
+
+    def __call__(self, target: str, source: str, stamp: Time) -> m.FramePose | Refusal:
+        return self.frames(target, source, stamp)
 
 
 @pytest.fixture
-def lookup() -> BufferedFrames:
-    return BufferedFrames(TableBuffer(dict(PLACES)), NoTransform)
+def lookup() -> Heard:
+    heard = Heard()
+    for time, place in PLACES.items():
+        heard.hear["/tf"](wire((CAMERA, BASE, time, *place)))
+    return heard
 
 
 @pytest.fixture(params=[(EARLY, 10.0), (LATE, 11.5), (Time(), 11.5)], ids=["early", "late", "no stamp"])
@@ -150,8 +175,9 @@ def test_what_is_in_the_base_frame_is_not_asked_for() -> None:
 @pytest.mark.parametrize(
     ("frame", "stamp", "reason"),
     [
-        ("map", EARLY, "frame 'map' .*'panda_link0' .*no map at 10"),
-        (CAMERA, Time(sec=12), "frame 'camera' .*no transform of it at its stamp: no camera at 12"),
+        ("map", EARLY, "frame 'map' .*'panda_link0' .*tf tells nothing of map"),
+        (CAMERA, Time(sec=12), "frame 'camera' .*tf has camera in panda_link0 up to 0.500 s before its stamp"),
+        (CAMERA, Time(sec=9), "frame 'camera' .*tf has camera in panda_link0 from 1.000 s after its stamp on"),
         (CAMERA, Time(sec=-1), "stamp, -1 s, is negative"),
     ],
 )
@@ -171,29 +197,37 @@ def test_a_transform_that_is_none_is_refused(found) -> None:
         m.read_point(PointStamped(header=Header(frame_id=CAMERA)), BASE, lambda target, source, stamp: found)
 
 
-def test_without_tf2_it_is_said_that_it_would_be_needed(monkeypatch) -> None:
-    monkeypatch.setitem(sys.modules, "tf2_ros", None)
-    lookup = frames_of(SimpleNamespace())
-    assert lookup is no_tf2
-    with pytest.raises(m.MessageRefused, match=r"frame 'camera' .*'panda_link0' .*tf2_ros, which .*not installed"):
+def test_without_tf2_msgs_it_is_said_that_they_would_be_needed(monkeypatch) -> None:
+    monkeypatch.setitem(sys.modules, "tf2_msgs", None)
+    lookup = frames_of(SimpleNamespace(), RefusalLog(print), print)
+    assert lookup is no_tf
+    with pytest.raises(m.MessageRefused, match=r"frame 'camera' .*'panda_link0' .*tf2_msgs, .*not installed"):
         m.read_point(PointStamped(header=Header(frame_id=CAMERA)), BASE, lookup)
 
 
-def test_with_tf2_its_buffer_is_asked_and_emptied_when_the_clock_is_set_back(monkeypatch) -> None:
-    buffer, listeners = TableBuffer(dict(PLACES)), []
-    tf2 = SimpleNamespace(
-        Buffer=lambda: buffer,
-        TransformListener=lambda *of: listeners.append(of),
-        TransformException=NoTransform,
-    )
-    monkeypatch.setitem(sys.modules, "tf2_ros", tf2)
-    clock = ROSClock()
-    node = SimpleNamespace(get_clock=lambda: clock)
-    lookup = frames_of(node)
-    assert listeners == [(buffer, node)]
-    clock._set_ros_time_is_active(True)
-    clock.set_ros_time_override(RosTime(seconds=20, clock_type=clock.clock_type))
-    buffer.places = dict(PLACES)
-    np.testing.assert_array_equal(lookup(BASE, CAMERA, EARLY)[0], PLACES[10.0][0])
-    clock.set_ros_time_override(RosTime(seconds=15, clock_type=clock.clock_type))
-    assert "no camera" in lookup(BASE, CAMERA, EARLY).reason
+def test_what_moves_is_forgotten_when_the_clock_is_set_back(lookup) -> None:
+    lookup.hear["/tf_static"](wire(("lens", CAMERA, 0.0, POINT, TURN)))
+    lookup.clock._set_ros_time_is_active(True)
+    lookup.clock.set_ros_time_override(RosTime(seconds=20, clock_type=lookup.clock.clock_type))
+    for time, place in PLACES.items():
+        lookup.hear["/tf"](wire((CAMERA, BASE, time, *place)))
+    np.testing.assert_allclose(lookup(BASE, CAMERA, EARLY)[0], PLACES[10.0][0])
+    lookup.clock.set_ros_time_override(RosTime(seconds=15, clock_type=lookup.clock.clock_type))
+    assert "tf tells nothing of panda_link0" in lookup(BASE, CAMERA, EARLY).reason
+    np.testing.assert_allclose(lookup(CAMERA, "lens", EARLY)[0], POINT)
+
+
+@pytest.mark.parametrize("bad", [np.array([math.nan, 0.0, 0.0]), np.array([0.0, math.inf, 0.0])])
+def test_a_transform_of_no_place_is_refused_and_counted(lookup, bad) -> None:
+    before = lookup.changes
+    lookup.hear["/tf"](wire((CAMERA, BASE, 11.0, bad, TURN)))
+    assert "'camera' stands at" in lookup.warnings[-1]
+    assert lookup.changes == before + 1
+    np.testing.assert_allclose(lookup(BASE, CAMERA, EARLY)[0], PLACES[10.0][0])
+
+
+def test_what_is_cut_off_is_refused(lookup) -> None:
+    whole = wire((CAMERA, BASE, 11.0, POINT, TURN))
+    for length in range(4, len(whole) - 1, 7):
+        with pytest.raises(m.MessageRefused, match="end before they should"):
+            parse_transforms(whole[:length])
