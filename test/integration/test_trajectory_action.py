@@ -122,8 +122,10 @@ def test_a_planner_sends_its_trajectories_as_goals(bench, planner_options, start
 def test_a_planner_without_a_server_says_whom_it_waits_for(bench, planner_options, start_joints, skill):
     bench.watch_planner()
     options = planner_options | {"output": "joint_trajectory"}
-    bench.add(PlannerNode, **options, trajectory_action="arm/follow_joint_trajectory")
+    planner = bench.add(PlannerNode, **options, trajectory_action="arm/follow_joint_trajectory")
     bench.send_joint_states(start_joints)
     bench.wait_for_code("NO_GOAL")
+    # Until it has looked for servers it does not know that there is none.
+    bench.poll(lambda: planner.inputs.snapshot().subscribers == (), "a planner that has looked for servers")
     bench.send_goal(skill.goal_pose)
     bench.wait_for_code("BAD_INPUT", "no node receives arm/follow_joint_trajectory")
