@@ -32,13 +32,14 @@ _PERIOD = 0.1
 @dataclass
 class _Goal:
     """A goal that lasts: its number, 0 until it has one; where the tool is to be (3,) [m], once that is known; since
-    when the arm stands before it [s].
+    when the arm stands before it [s], and why.
     """
 
     handle: ServerGoalHandle
     number: int = 0
     target: np.ndarray | None = None
     stands_since: float = math.inf
+    block: Verdict | None = None
 
     def take_number(self, number: int) -> None:
         self.number = number
@@ -125,10 +126,15 @@ class GoalAction:
         # Who asks the arm to stand knows why it does.
         waits = not verdict.ok and verdict.code is not VerdictCode.HOLD_REQUESTED and output.speed == 0.0
         goal.stands_since = min(goal.stands_since, inputs.now) if waits else math.inf
+        # A cycle whose time was over does not know why the arm stands.
+        if not waits:
+            goal.block = None
+        elif goal.block is None or verdict.code is not VerdictCode.DEADLINE_MISSED:
+            goal.block = verdict
         if inputs.now - goal.stands_since < self._patience:
             return False
         self._inputs.withdraw_goal(goal.number, f"the arm has stood before it for {self._patience:g} s")
-        self._abort(goal, verdict)
+        self._abort(goal, goal.block or verdict)
         return True
 
     def _abort(self, goal: _Goal, verdict: Verdict) -> None:
