@@ -2,7 +2,7 @@
 Stream plans while an obstacle moves
 ====================================
 
-A hundred times a second the planner is told where a sphere is and plans again, from the motion that the arm is in.
+A hundred times a second the planner gets the place of a sphere, and plans again from the motion that the arm is in.
 A sphere comes to where the elbow would swing out; with avoidance the elbow swings to the other side.
 
     python examples/stream.py     # prints what happens and draws stream.png
