@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 REPOSITORY = Path(__file__).resolve().parents[1]
-FOLDERS = ("geodesic_motion_ros", "test", "studies", "config", "doc", "launch", "models")
+FOLDERS = ("geodesic_motion_ros", "test", "studies", "config", "doc", "launch", "models", "examples")
 #: A path is no "way"; obstacles are published, goals requested, not "told"; an optimistic search is not "trusting".
 REPLACED = ("told", "gone", "trusting", "distrusted", "in vain", "whoever", "giving way", "gives way", "aside", "ways?")
 #: Words of their own, parts of names with underscores, and parts of names with capitals.
