@@ -11,7 +11,7 @@ import threading
 import time
 from collections import deque
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from diagnostic_msgs.msg import DiagnosticArray
@@ -41,9 +41,6 @@ from geodesic_motion_ros.skill.skill import Skill
 from geodesic_motion_ros.utils.errors import ParameterError
 from geodesic_motion_ros.view.shape import Shape
 from geodesic_motion_ros.view.words import SILENT, StatusReader
-
-if TYPE_CHECKING:
-    pass
 
 #: Pictures a second; a status is read so often [s], and is of the past after so long [s].
 _FRAMES, _READ, _SILENCE = 20.0, 0.2, 2.0
