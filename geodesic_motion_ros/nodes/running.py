@@ -19,6 +19,7 @@ from types import FrameType
 from typing import Any
 
 import rclpy
+from rclpy.action import ActionClient, ActionServer
 from rclpy.clock import Clock, ClockType
 from rclpy.executors import ExternalShutdownException
 from rclpy.experimental import EventsExecutor
@@ -76,10 +77,22 @@ class LoopingNode(Node, ABC):
     def stop(self) -> None:
         """End the threads; harmless when they have ended or never began."""
 
+    def destroy_node(self) -> None:
+        """Destroy the node and all that it has."""
+        destroy_actions(self)
+        super().destroy_node()
+
     def _died(self, error: BaseException) -> None:
         """Called by the loop that an exception has ended."""
         self.get_logger().fatal("the loop ended: " + "".join(traceback.format_exception(error)))
         self.failure.set()
+
+
+def destroy_actions(node: Node) -> None:
+    """Destroy the action servers and clients of a node: `Node.destroy_node` does not, and they keep the node alive."""
+    for waitable in tuple(node.waitables):
+        if isinstance(waitable, ActionServer | ActionClient):
+            waitable.destroy()
 
 
 class StopRequest:

@@ -12,7 +12,7 @@ import sys
 import threading
 import time
 from collections.abc import Callable, Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import Future
 from typing import Any
 
 import numpy as np
@@ -37,7 +37,7 @@ from geodesic_motion_ros.nodes import marker_messages, messages
 from geodesic_motion_ros.nodes.cycle_clock import LONGEST_ADVANCE
 from geodesic_motion_ros.nodes.filter_node import FilterNode
 from geodesic_motion_ros.nodes.planner_node import PlannerNode
-from geodesic_motion_ros.nodes.running import STEADY
+from geodesic_motion_ros.nodes.running import STEADY, destroy_actions
 from geodesic_motion_ros.nodes.twin_node import TwinNode
 from geodesic_motion_ros.paper.paper_node import PaperNode
 from geodesic_motion_ros.robot.kinematics import Robot
@@ -294,11 +294,19 @@ class Bench:
 
     def during(self, work: Callable[[], Any]) -> Any:
         """Do what waits for the nodes by itself, while their clock goes on; returns its result."""
-        with ThreadPoolExecutor(1) as executor:
-            future = executor.submit(work)
-            future.add_done_callback(lambda _: self._notify())
-            self.wait(future.done, "the end of what waits for the nodes")
-            return future.result()
+        future: Future[Any] = Future()
+
+        def run() -> None:
+            try:
+                future.set_result(work())
+            except BaseException as error:
+                future.set_exception(error)
+
+        future.add_done_callback(lambda _: self._notify())
+        # A daemon: work that never ends fails its test, and holds up no other.
+        threading.Thread(target=run, name="work", daemon=True).start()
+        self.wait(future.done, "the end of what waits for the nodes")
+        return future.result()
 
     def repeat(self, every: float, work: Callable[[], None]) -> Any:
         """Do something periodically in the executor; returns the timer."""
@@ -401,6 +409,7 @@ class Bench:
         self._closing.set()
         self._thread.join()
         self.executor.shutdown()
+        destroy_actions(self.probe)
         for node in (*self._nodes, self.probe):
             node.destroy_node()
         rclpy.try_shutdown(context=self.context)
