@@ -57,7 +57,7 @@ setup(
         "simulation": ["pybullet"],
         "franka": ["pylibfranka"],
         "view": ["viser"],  # the page in the browser: meshes, status and what is dragged in one pip install
-        "test": ["hypothesis", "mpmath", "mypy", "pytest", "pytest-xdist", "ruff"],
+        "test": ["hypothesis", "mpmath", "mypy", "pytest", "pytest-timeout", "pytest-xdist", "ruff"],
     },
     data_files=[
         ("share/ament_index/resource_index/packages", [f"resource/{NAME}"]),
