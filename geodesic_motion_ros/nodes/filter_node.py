@@ -87,6 +87,11 @@ class FilterNode(LoopingNode):
         """Begin to filter and command."""
         self.face.start()
 
+    def brake(self) -> bool:
+        """Have the arm brake on its path; returns whether it rests."""
+        self.cycle.paused = "the filter ends"
+        return self.face.is_at_rest
+
     def stop(self) -> None:
         """End the threads; harmless when they have ended or never began."""
         self.face.stop()

@@ -155,6 +155,11 @@ class PlannerFace:
             service.stop()
 
     @property
+    def is_at_rest(self) -> bool:
+        """Whether the newest cycle neither moves the arm nor is about to; true before the first."""
+        return self._newest is None or (not self._newest[1].verdict.ok and self._newest[1].speed == 0.0)
+
+    @property
     def newest(self) -> tuple[CycleInputs, CycleOutput] | None:
         """The newest cycle; None before the first."""
         return self._newest

@@ -109,6 +109,11 @@ class PlannerNode(LoopingNode):
         if self._action is not None:
             self._action.start()
 
+    def brake(self) -> bool:
+        """Have the arm brake on its path; returns whether it rests."""
+        self.cycle.paused = "the planner ends"
+        return self.face.is_at_rest
+
     def stop(self) -> None:
         """End the threads; harmless when they have ended or never began."""
         if self._action is not None:

@@ -5,10 +5,12 @@ SIGTERM.
 from __future__ import annotations
 
 import gc
+import math
 import os
 import signal
 import sys
 import threading
+import time
 import traceback
 from abc import ABC, abstractmethod
 from collections.abc import Callable
@@ -34,6 +36,8 @@ from geodesic_motion_ros.utils.errors import GeodesicMotionError, ParameterError
 # half a control period.
 _SWITCH_INTERVAL = 0.00005
 _LAST = 19
+# An arm has so long to come to rest before its node ends [s]; within how long two signals are one.
+_BRAKING, _SAME = 2.0, 0.5
 
 #: Of timers that go on while a simulation stands.
 STEADY = Clock(clock_type=ClockType.STEADY_TIME)
@@ -73,6 +77,11 @@ class LoopingNode(Node, ABC):
     def start(self) -> None:
         """Begin the threads."""
 
+    def brake(self) -> bool:
+        """Have what this node commands come to rest, for it is to end; returns whether it rests. Called until it does.
+        """
+        return True
+
     @abstractmethod
     def stop(self) -> None:
         """End the threads; harmless when they have ended or never began."""
@@ -96,10 +105,14 @@ def destroy_actions(node: Node) -> None:
 
 
 class StopRequest:
-    """SIGINT and SIGTERM: an exception while starting up, later a flag that the spinning loop looks at."""
+    """SIGINT and SIGTERM: an exception while starting up, later a flag that the spinning loop looks at.
+
+    `insists` is set by another one later: a terminal and a launch file may both pass on the same one.
+    """
 
     def __init__(self) -> None:
-        self.starting = True
+        self.starting, self.insists = True, False
+        self._first = math.inf
         self._requested = threading.Event()
         for number in (signal.SIGINT, signal.SIGTERM):
             signal.signal(number, self._handle)
@@ -108,6 +121,8 @@ class StopRequest:
         return self._requested.is_set()
 
     def _handle(self, number: int, frame: FrameType | None) -> None:
+        self._first = min(self._first, time.monotonic())
+        self.insists = time.monotonic() > self._first + _SAME
         self._requested.set()
         if self.starting:
             raise KeyboardInterrupt
@@ -115,6 +130,8 @@ class StopRequest:
 
 def run_node(program: Program, create: Callable[[], LoopingNode], args: list[str] | None) -> int:
     """Create a node, spin it until it is requested to end, and take it down in the order that never aborts.
+
+    What it commands comes to rest before, unless a second signal comes.
 
     Returns the exit code: 0 after SIGINT or SIGTERM, 1 when the node could not start or its loop died.
     """
@@ -204,6 +221,9 @@ def _spin(node: LoopingNode, request: StopRequest) -> None:
     try:
         while not request and not node.failure.is_set():
             executor.spin_once(timeout_sec=0.1)
+        until = time.monotonic() + _BRAKING
+        while not (node.failure.is_set() or node.brake() or request.insists or time.monotonic() > until):
+            executor.spin_once(timeout_sec=0.01)
     except ExternalShutdownException:
         return
     finally:

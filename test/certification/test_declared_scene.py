@@ -56,6 +56,13 @@ def test_a_file_says_what_stands_where(tmp_path: Path) -> None:
     assert at(scene, [0.0, 0.0, 1.35]) == pytest.approx((-0.05, "end of the workspace at +z"), abs=1e-9)
 
 
+def test_the_file_on_the_page_is_one() -> None:
+    page = (Path(__file__).resolve().parents[2] / "doc" / "surroundings.md").read_text()
+    scene = DeclaredScene.of(yaml.safe_load(page.split("```yaml\n")[1].split("```")[0]))
+    assert {"table", "shelf", "pillar", "wall", "door"} <= set(scene.names)
+    assert set(scene.kinds) == {"boxes", "cylinders", "planes", "keep_out", "workspace"}
+
+
 def test_the_arm_stands_on_the_shipped_table() -> None:
     scene = DeclaredScene.load(find_shared("config/scenes/table.yaml"))
     assert scene.names == ("table",)

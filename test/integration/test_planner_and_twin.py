@@ -180,6 +180,23 @@ def test_a_machine_that_stands_still_for_a_moment_loses_no_goal(bench, options, 
 
 
 @pytest.mark.realtime
+def test_a_planner_that_is_interrupted_brakes_before_it_ends(bench, options, skill, start_joints):
+    """What was sent leads 2.4 s ahead, and nobody would look at obstacles meanwhile."""
+    watch(bench)
+    bench.launch("twin_node", initial_joint_positions=start_joints.tolist())
+    planner = bench.launch("planner_node", **options)
+    bench.wait_for_code("NO_GOAL")
+    bench.wait(lambda: bench.status()["commands_received_by"], "a planner that knows of the twin")
+    bench.send_goal(skill.goal_pose)
+    bench.wait(lambda: float(bench.status()["speed"]) > 0.05, "an arm in motion")
+    assert float(bench.status()["time_to_goal"]) > 0.5  # the control: it is far from its goal
+    planner.send_signal(signal.SIGINT)
+    _, errors = planner.communicate(timeout=PATIENCE)
+    assert planner.returncode == 0, errors
+    bench.wait(lambda: bench.status()["reason"] == "the planner ends" and bench.at_rest(), "an arm that rests")
+
+
+@pytest.mark.realtime
 def test_two_processes_reach_the_goal_answer_plan_and_exit_cleanly(bench, options, skill, start_joints, make_pose):
     watch(bench)
     processes = [
