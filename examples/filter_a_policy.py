@@ -2,8 +2,8 @@
 Have the chunks of a policy certified
 =====================================
 
-A policy as of LeRobot gives chunks of actions (16, joints) at 30 Hz, and looks at no obstacle; put yours in its place.
-A sphere crosses: through the filter the arm brakes along the policy's own path, and goes on when the sphere has passed.
+A policy as of LeRobot gives chunks of actions (16, joints) at 30 Hz, and looks at no obstacle: put yours in its place.
+A sphere crosses. Filtered, the arm brakes along the policy's own path, and goes on when the sphere has passed.
 
     python examples/filter_a_policy.py     # prints what happens and draws filter_a_policy.png
 """
@@ -21,14 +21,13 @@ FREQUENCY, CHUNK, TICK = 30.0, 16, 0.01
 def policy(joints: np.ndarray) -> np.ndarray:
     """Return the next actions (16, 7) [rad] from where the joints are observed: at most 0.5 rad/s towards the goal."""
     steps = np.arange(1, CHUNK + 1)[:, None] * 0.5 / FREQUENCY
-    away = GOAL - joints
-    return joints + away * np.minimum(1.0, steps / max(np.max(np.abs(away)), 1e-9))
+    return joints + np.clip(GOAL - joints, -steps, steps)
 
 
 def sphere(now: float) -> Obstacles:
     """Return a sphere of 6 cm that crosses the path of the hand, as a tracker sees it at a time [s]."""
-    velocity = np.array([[0.0, 0.0, -0.2]])
-    return Obstacles.of_spheres(np.array([[0.6, 0.0, 0.9]]) + velocity * now, np.array([0.06]), velocity, time=now)
+    place, velocity = np.array([[0.6, 0.0, 0.9 - 0.2 * now]]), np.array([[0.0, 0.0, -0.2]])
+    return Obstacles.of_spheres(place, np.array([0.06]), velocity, time=now)
 
 
 def play(filtered: bool, seconds: float = 8.0) -> tuple[np.ndarray, np.ndarray]:
@@ -55,8 +54,7 @@ for name, filtered in (("policy alone", False), ("with the filter", True)):
     joint, clearance = play(filtered)
     above.plot(TICK * np.arange(len(joint)), joint, label=name)
     below.plot(TICK * np.arange(len(joint)), 100 * clearance)
-    end = abs(GOAL[0] - joint[-1])
-    print(f"{name}: {100 * np.min(clearance):.1f} cm at least between arm and sphere, at the end {end:.3f} rad off")
+    print(f"{name}: {100 * clearance.min():.1f} cm from the sphere, at the end {abs(GOAL[0] - joint[-1]):.3f} rad off")
 below.axhline(0.0, color="black", linewidth=0.8)
 above.set(ylabel="first joint [rad]")
 below.set(xlabel="time [s]", ylabel="arm to sphere [cm]")

@@ -15,7 +15,6 @@ import numpy as np
 
 from geodesic_motion_ros import Obstacles, PlannerSettings, ReactivePlanner, Skill
 from geodesic_motion_ros.certification.arm_clearance import obstacle_clearance
-from geodesic_motion_ros.kernels.loading import load_kernels
 
 TICK, SECONDS = 0.01, 9.0
 PLACE, VELOCITY = np.array([[0.34, 0.66, 0.80]]), np.array([[-0.022, -0.123, -0.083]])  # of the sphere [m], [m/s]
@@ -29,7 +28,6 @@ def sphere(now: float) -> Obstacles:
 def play(skill: Skill, avoidance: bool) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return the clearance (n,) [m], the distance of the tool to its goal (n,) [m], and what ticks took (n,) [s]."""
     planner = ReactivePlanner(skill, PlannerSettings(avoidance=avoidance))
-    load_kernels(planner)  # so that no tick waits for it
     planner.stand_at(skill.mean_configuration("start"), now=0.0)
     planner.set_goal(skill.goal_pose[:3], skill.goal_pose[3:])
     rows, said = [], ""
