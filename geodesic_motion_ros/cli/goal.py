@@ -1,4 +1,4 @@
-"""`goal`: send an arm where a skill ends."""
+"""`goal`: send an arm where a skill ends, or begins."""
 
 from __future__ import annotations
 
@@ -16,6 +16,7 @@ _EPILOG = """\
 examples:
   geodesic-motion goal panda_reach_to_grasp
   geodesic-motion goal panda_reach_to_grasp --move 0 0.02 0
+  geodesic-motion goal panda_reach_to_grasp --back
   geodesic-motion goal ur5_reach --joint-prefix left_ --ros-args -r __ns:=/left
 
 Exit status: 0 the arm has arrived; 2 the planner has refused or dropped the goal, or is not there, or the arm stood for
@@ -34,6 +35,7 @@ def add_command(commands: argparse._SubParsersAction) -> None:
         "--move", type=float, nargs=3, metavar=("X", "Y", "Z"), default=(0.0, 0.0, 0.0),
         help="this far from the skill's goal [m]",
     )  # fmt: skip
+    parser.add_argument("--back", action="store_true", help="send the arm back to where the skill begins")
     parser.add_argument(
         "--joint-prefix", default="", metavar="TEXT", help="the parameter joint_prefix of the planner, such as left_"
     )
@@ -55,7 +57,8 @@ def run(arguments: argparse.Namespace) -> None:
 
     with needing("a goal needs", "source your ROS 2"):
         from geodesic_motion_ros.nodes.goal_sender import goal_of_skill, send_goal
-    goal = goal_of_skill(Skill.load(arguments.skill), arguments.joint_prefix, arguments.move)
+    end = "start" if arguments.back else "goal"
+    goal = goal_of_skill(Skill.load(arguments.skill), arguments.joint_prefix, arguments.move, end)
 
     def show(line: str) -> None:
         print(line, flush=True)

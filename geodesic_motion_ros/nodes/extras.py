@@ -6,7 +6,8 @@ from importlib import import_module
 
 #: What a planner lacks without a package.
 _LACKS = {
-    "geodesic_motion_msgs": "action move_to_goal", "tf2_msgs": "frames of /tf", "moveit_msgs": "planning_scene",
+    "geodesic_motion_msgs": "action move_to_goal", "control_msgs": "trajectory_action", "tf2_msgs": "frames of /tf",
+    "moveit_msgs": "planning_scene",
 }  # fmt: skip
 
 

@@ -6,7 +6,7 @@ import time
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 import rclpy
@@ -107,10 +107,12 @@ class JointGoal(Goal):
         return f'ros2 topic pub --once {topic} sensor_msgs/msg/JointState "{message}"'
 
 
-def goal_of_skill(skill: Skill, prefix: str = "", move: Sequence[float] = (0.0, 0.0, 0.0)) -> Goal:
-    """Return the goal of a skill as its arm takes it: a pose, or for arms of fewer than six joints a configuration.
+def goal_of_skill(
+    skill: Skill, prefix: str = "", move: Sequence[float] = (0.0, 0.0, 0.0), end: Literal["start", "goal"] = "goal"
+) -> Goal:
+    """Return an end of a skill as its arm takes goals: a pose, or for arms of fewer than six joints a configuration.
 
-    prefix : the parameter joint_prefix of the planner. move : (3,) [m], how far from the skill's goal.
+    prefix : the parameter joint_prefix of the planner. move : (3,) [m], how far from that end.
 
     Raises
     ------
@@ -118,14 +120,14 @@ def goal_of_skill(skill: Skill, prefix: str = "", move: Sequence[float] = (0.0, 
     """
     robot = Robot.named(skill.robot)
     if skill.space == "task" or robot.takes_poses:
-        pose = skill.goal_pose.copy()
+        pose = (skill.goal_pose if end == "goal" else skill.start_pose).copy()
         pose[:3] += move
         return PoseGoal(pose, prefix + skill.base_frame)
     if any(move):
         raise ParameterError(
             f"--move is of a pose, and an arm of {len(robot.joint_names)} joints takes configurations: leave it out"
         )
-    return JointGoal([prefix + name for name in robot.joint_names], skill.mean_configuration("goal"))
+    return JointGoal([prefix + name for name in robot.joint_names], skill.mean_configuration(end))
 
 
 @dataclass(frozen=True)

@@ -197,8 +197,14 @@ class Skill(LearnedModel):
 
     def mean_configuration(self, end: Literal["start", "goal"]) -> np.ndarray:
         """Return the mean start, or goal, (eta,) [rad] of the first group of demonstrations; on the raw sheet that of
-        the first demonstration. For skills of joint space.
+        the first demonstration.
+
+        Raises
+        ------
+        SkillError : the skill is of poses of the tool.
         """
+        if self.space != "joint":
+            raise SkillError(f"skill {self.name} is of poses of the tool, not of joint angles: it has {end}_pose")
         if self.canonical is not None:
             return getattr(self.canonical, f"{end}_poles")[0].copy()
         latent = self.codes[0, :1] if end == "start" else self.codes[0, -1:]

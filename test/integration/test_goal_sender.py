@@ -27,6 +27,7 @@ from geodesic_motion_ros.nodes.goal_sender import (
     NoPlannerError,
     PoseGoal,
     ProgressReport,
+    goal_of_skill,
     send_goal,
 )
 from geodesic_motion_ros.nodes.messages import read_joint_positions, read_pose
@@ -92,6 +93,9 @@ def test_the_tour_planner_and_twin_as_they_start_and_the_goal_of_the_skill(bench
     assert 0.0 < float(moving[0].split()[1]) < took
     # What lasts for a cycle or two, as DEADLINE_MISSED, is not said.
     assert all(line.startswith(("moving, ", "following: OK", "stopping: ")) for line in lines[accepted + 1 :])
+    # ... and back, on the same paths.
+    assert send(bench, goal_of_skill(skill, end="start")) > 1.0
+    bench.wait(lambda: float(bench.status()["time_to_goal"]) == float(bench.status()["speed"]) == 0.0, "the start")
 
 
 def test_a_configuration_is_a_goal_too(bench, options, start_joints, skill):

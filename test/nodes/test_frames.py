@@ -198,7 +198,8 @@ def test_a_transform_that_is_none_is_refused(found) -> None:
 
 
 def test_without_tf2_msgs_it_is_said_that_they_would_be_needed(monkeypatch) -> None:
-    monkeypatch.setitem(sys.modules, "tf2_msgs", None)
+    for module in ("tf2_msgs", "tf2_msgs.msg"):
+        monkeypatch.setitem(sys.modules, module, None)
     lookup = frames_of(SimpleNamespace(), RefusalLog(print), print)
     assert lookup is no_tf
     with pytest.raises(m.MessageRefused, match=r"frame 'camera' .*'panda_link0' .*tf2_msgs, .*not installed"):

@@ -126,6 +126,12 @@ def test_the_pace_is_the_mean_of_the_demonstrations_and_nobody_knows_that_of_ear
     assert Skill.load(canonical_folder).pace is None
 
 
+@pytest.mark.parametrize("end", ["start", "goal"])
+def test_a_skill_of_poses_has_no_mean_configuration(canonical_fan_skill, end) -> None:
+    with pytest.raises(SkillError, match=f"is of poses of the tool.*{end}_pose"):
+        canonical_fan_skill.mean_configuration(end)
+
+
 def test_a_raw_skill_has_no_sheet_to_carry(fan_skill, folder):
     loaded = Skill.load(folder)
     assert (loaded.sheet, loaded.canonical, loaded.mean_paths) == ("raw", None, None)
