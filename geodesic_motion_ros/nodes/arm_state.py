@@ -11,10 +11,9 @@ from collections import deque
 from dataclasses import dataclass
 
 import numpy as np
-from rclpy.serialization import deserialize_message
-from sensor_msgs.msg import JointState
 
 from geodesic_motion_ros.nodes.input_faults import NO_CLOCK
+from geodesic_motion_ros.nodes.joint_bytes import SeenJointState, parse_joint_state
 from geodesic_motion_ros.nodes.messages import MessageRefused, check_limits, other_prefix, read_some_joints, seconds
 from geodesic_motion_ros.nodes.node_time import Moment
 from geodesic_motion_ros.nodes.plausible_joints import OVERTAKEN, PlausibleJoints
@@ -159,7 +158,7 @@ class ArmState:
 
     def _read(self, wire: bytes, arrival: Moment) -> _Part | None:
         """None where a message says nothing of where the arm is."""
-        message = deserialize_message(wire, JointState)
+        message = parse_joint_state(wire)
         places, positions = read_some_joints(message, self._names)
         if not len(places):
             self._pass_over(message)
@@ -170,7 +169,7 @@ class ArmState:
             raise MessageRefused(f"{NO_CLOCK}: its age is unknown")
         return _Part(places, positions, seconds(message.header.stamp), arrival)
 
-    def _pass_over(self, message: JointState) -> None:
+    def _pass_over(self, message: SeenJointState) -> None:
         self._others = dict(list((dict.fromkeys(message.name) | self._others).items())[:_MOST_NAMES])
         self._has_no_positions = self._has_no_positions or not set(self._names).isdisjoint(message.name)
 

@@ -10,6 +10,7 @@ from trajectory_msgs.msg import JointTrajectory
 from geodesic_motion_ros.contract.status import Refusal, VerdictCode
 from geodesic_motion_ros.filtering.motion_filter import MotionFilter
 from geodesic_motion_ros.filtering.offer import OfferRequest
+from geodesic_motion_ros.nodes.joint_bytes import parse_joint_trajectory
 from geodesic_motion_ros.nodes.messages import (
     MessageRefused,
     read_joint_positions,
@@ -30,11 +31,12 @@ class FilterInputs(PlannerInputs):
     noun = MotionFilter.noun
 
     def _subscribe_goals(self) -> None:
-        self._subscribe(JointTrajectory, TRAJECTORY, self._on_trajectory, _OFFERS)
+        self._subscribe(JointTrajectory, TRAJECTORY, self._on_trajectory, _OFFERS, raw=True)
         self._subscribe(JointState, TARGET, self._on_target, _OFFERS)
 
-    def _on_trajectory(self, message: JointTrajectory) -> None:
+    def _on_trajectory(self, wire: bytes) -> None:
         try:
+            message = parse_joint_trajectory(wire)
             read = read_trajectory_points(message, self._robot, self._parameters["joint_prefix"])
         except MessageRefused as error:
             self._refuse(TRAJECTORY, error)

@@ -26,6 +26,7 @@ from geodesic_motion_ros.hardware.drive_state import JOINTS, DriveMode, DriveSta
 from geodesic_motion_ros.hardware.drive_talk import Notice
 from geodesic_motion_ros.hardware.fci_link import FciLink
 from geodesic_motion_ros.hardware.judged_commands import check_motion
+from geodesic_motion_ros.nodes.joint_bytes import parse_joint_trajectory
 from geodesic_motion_ros.nodes.messages import (
     MessageRefused,
     diagnostic_array,
@@ -116,7 +117,9 @@ class FrankaNode(LoopingNode):
         self._clock_publisher = self.create_publisher(Clock, "/clock", qos) if self._by_robot else None
         # Each continues the one before: none may be passed over.
         each = QoSProfile(depth=_WAITING)
-        self._trajectories = self.create_subscription(JointTrajectory, _TRAJECTORIES, self._on_trajectory, each)
+        self._trajectories = self.create_subscription(
+            JointTrajectory, _TRAJECTORIES, self._on_trajectory, each, raw=True
+        )
         self.create_service(SetBool, "~/arm", self._on_arm)
         self.create_service(Trigger, "~/recover", self._on_recover)
         self.create_timer(1.0, self._look_for_rivals, clock=STEADY)
@@ -199,8 +202,9 @@ class FrankaNode(LoopingNode):
 
     # ---------------------------------------------------------------- what it is asked for
 
-    def _on_trajectory(self, message: JointTrajectory) -> None:
+    def _on_trajectory(self, wire: bytes) -> None:
         with self.refusals.guard(_TRAJECTORIES):
+            message = parse_joint_trajectory(wire)
             waypoints = read_joint_trajectory(message, self._robot, self._prefix)
             stamp = message.header.stamp.sec * 10**9 + message.header.stamp.nanosec
             try:

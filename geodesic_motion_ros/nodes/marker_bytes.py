@@ -14,30 +14,22 @@ from typing import NamedTuple
 
 import numpy as np
 
-from geodesic_motion_ros.nodes.messages import MessageRefused
-from geodesic_motion_ros.nodes.trajectory_bytes import ENCAPSULATION
+from geodesic_motion_ros.nodes.plain_cdr import (
+    LENGTH,
+    Stamp,
+    StampedFrame,
+    checked_plain,
+    multiple,
+    refusing_short,
+    stamp,
+    text,
+)
 
-_LENGTH = struct.Struct("=I")
-_STAMP = struct.Struct("=iI")
 _WHICH = struct.Struct("=iii")
 _NUMBERS = struct.Struct("=10d")
 _TINT = struct.Struct("=4f")
 _NO_POINTS = np.zeros((0, 3))
 _POINT, _COLOUR, _TEXTURE_COORDINATES = (3, 8), (4, 4), (2, 4)
-
-
-class Stamp(NamedTuple):
-    """A builtin_interfaces/Time or Duration."""
-
-    sec: int
-    nanosec: int
-
-
-class StampedFrame(NamedTuple):
-    """A std_msgs/Header."""
-
-    stamp: Stamp
-    frame_id: str
 
 
 class Vector(NamedTuple):
@@ -100,31 +92,22 @@ def parse_markers(wire: bytes) -> list[SeenMarker]:
     return _markers(wire)
 
 
-def checked_plain(wire: bytes, what: str) -> bytes:
-    """Return what follows the encapsulation of a message, which must be that of plain CDR."""
-    if wire[:2] != ENCAPSULATION[:2]:
-        raise MessageRefused(f"{what} are written as {wire[:2].hex()}, expected plain CDR, {ENCAPSULATION[:2].hex()}")
-    return wire[4:]
-
-
 def _markers(wire: bytes, count: int | None = None) -> list[SeenMarker]:
     data, at, found = checked_plain(wire, "markers"), 0, []
-    try:
+    with refusing_short(data, "markers"):
         if count is None:
-            (count,), at = _LENGTH.unpack_from(data), 4
+            (count,), at = LENGTH.unpack_from(data), 4
         for _ in range(count):
             marker, at = _marker(data, multiple(at, 4))
             found.append(marker)
         if at > len(data):
             raise struct.error
-    except struct.error as error:
-        raise MessageRefused(f"markers end before they should, after {len(data)} bytes") from error
     return found
 
 
 def _marker(data: bytes, at: int) -> tuple[SeenMarker, int]:
     """The marker that begins at a byte, and where it ends."""
-    stamp = Stamp._make(_STAMP.unpack_from(data, at))
+    moment = stamp(data, at)
     frame, at = text(data, at + 8)
     namespace, at = text(data, at)
     number, kind, action = _WHICH.unpack_from(data, at)
@@ -132,18 +115,18 @@ def _marker(data: bytes, at: int) -> tuple[SeenMarker, int]:
     x, y, z, *orientation, length, width, height = _NUMBERS.unpack_from(data, at)
     tint = Tint._make(_TINT.unpack_from(data, at + 80))
     at += 96
-    lifetime = Stamp._make(_STAMP.unpack_from(data, at))
+    lifetime = stamp(data, at)
     # Whether it is locked to its frame, one byte, is of no interest.
     at = multiple(at + 9, 4)
     points, end = _points(data, at), _after_looks(data, at)
     place = Place(Vector(x, y, z), Turn._make(orientation))
-    header, scale = StampedFrame(stamp, frame), Vector(length, width, height)
+    header, scale = StampedFrame(moment, frame), Vector(length, width, height)
     return SeenMarker(header, namespace, number, kind, action, place, scale, tint, lifetime, points), end
 
 
 def _points(data: bytes, at: int) -> np.ndarray:
     """The points (n, 3) of a marker that begin at a byte."""
-    (count,) = _LENGTH.unpack_from(data, at)
+    (count,) = LENGTH.unpack_from(data, at)
     if not count:
         return _NO_POINTS
     begin = multiple(at + 4, 8)
@@ -164,30 +147,17 @@ def _after_looks(data: bytes, at: int) -> int:
     at = _after_bytes(data, at)  # text
     at = _after_bytes(data, at)  # mesh_resource
     at = _after_bytes(data, at)  # the mesh's name
-    (size,) = _LENGTH.unpack_from(data, at)
+    (size,) = LENGTH.unpack_from(data, at)
     # The last field is one byte, which need not lie at a multiple of anything.
     return at + 4 + size + 1
 
 
-def text(data: bytes, at: int) -> tuple[str, int]:
-    """Return the text that begins at a byte, and where what follows does."""
-    (length,) = _LENGTH.unpack_from(data, at)
-    end = at + 4 + length
-    # A zero ends it.
-    return data[at + 4 : max(at + 4, end - 1)].decode(errors="replace"), multiple(end, 4)
-
-
 def _after_bytes(data: bytes, at: int) -> int:
-    (length,) = _LENGTH.unpack_from(data, at)
+    (length,) = LENGTH.unpack_from(data, at)
     return (at + 7 + length) & ~3
 
 
 def _after_numbers(data: bytes, at: int, each: int, size: int) -> int:
     """Behind a sequence of so many numbers each, of a size [bytes]."""
-    (length,) = _LENGTH.unpack_from(data, at)
+    (length,) = LENGTH.unpack_from(data, at)
     return multiple(at + 4, size) + length * each * size if length else at + 4
-
-
-def multiple(at: int, size: int) -> int:
-    """Return the next multiple of a power of two at or after a byte."""
-    return (at + size - 1) & -size

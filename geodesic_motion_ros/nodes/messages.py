@@ -12,7 +12,7 @@ from __future__ import annotations
 import array
 import math
 from collections.abc import Collection, Sequence
-from typing import NamedTuple, Protocol
+from typing import TYPE_CHECKING, NamedTuple, Protocol
 
 import numpy as np
 from builtin_interfaces.msg import Duration, Time
@@ -31,6 +31,9 @@ from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.trajectory.trajectory_player import JointWaypoints
 from geodesic_motion_ros.utils.checked_numbers import LARGEST_NUMBER
 from geodesic_motion_ros.utils.errors import GeodesicMotionError, RobotError
+
+if TYPE_CHECKING:
+    from geodesic_motion_ros.nodes.joint_bytes import SeenJointState, SeenPoint, SeenTrajectory
 
 # Points of a cloud beyond which it is refused.
 MOST_POINTS = 1_000_000
@@ -105,7 +108,7 @@ def read_point(message: PointStamped, base_frame: str, lookup: FrameLookup = bas
     return frame_of(message.header, base_frame, lookup).points_to_base(checked_point(message.point, "point"))
 
 
-def read_joint_positions(message: JointState, joint_names: Sequence[str]) -> np.ndarray:
+def read_joint_positions(message: JointState | SeenJointState, joint_names: Sequence[str]) -> np.ndarray:
     """Return joint positions (n,) [rad] in the robot's order; the message may use any order and name further joints."""
     places, positions = read_some_joints(message, joint_names)
     missing = [name for place, name in enumerate(joint_names) if place not in places]
@@ -116,7 +119,9 @@ def read_joint_positions(message: JointState, joint_names: Sequence[str]) -> np.
     return positions
 
 
-def read_some_joints(message: JointState, joint_names: Sequence[str]) -> tuple[np.ndarray, np.ndarray]:
+def read_some_joints(
+    message: JointState | SeenJointState, joint_names: Sequence[str]
+) -> tuple[np.ndarray, np.ndarray]:
     """Return those of the robot's joints that a message has positions of: their places among the names (k,), in order,
     and the positions (k,) [rad]; none where it is about other joints, or about velocities and efforts alone.
     """
@@ -175,7 +180,7 @@ class TrajectoryPoints(NamedTuple):
     accelerations: np.ndarray | None
 
 
-def read_joint_trajectory(message: JointTrajectory, robot: Robot, prefix: str = "") -> JointWaypoints:
+def read_joint_trajectory(message: JointTrajectory | SeenTrajectory, robot: Robot, prefix: str = "") -> JointWaypoints:
     """Return the waypoints of a trajectory in the robot's order of joints; the message may use any.
 
     Accepted is what joint_trajectory_controller accepts of all its joints for a position interface, as it is configured
@@ -195,7 +200,9 @@ def read_joint_trajectory(message: JointTrajectory, robot: Robot, prefix: str = 
     return waypoints
 
 
-def read_trajectory_points(message: JointTrajectory, robot: Robot, prefix: str = "") -> TrajectoryPoints:
+def read_trajectory_points(
+    message: JointTrajectory | SeenTrajectory, robot: Robot, prefix: str = ""
+) -> TrajectoryPoints:
     """Return the points of a trajectory in the robot's order of joints, whatever their numbers are; the message may use
     any order. prefix : as of `read_joint_trajectory`.
     """
@@ -228,7 +235,9 @@ def read_trajectory_points(message: JointTrajectory, robot: Robot, prefix: str =
     return TrajectoryPoints(times, positions, velocities, accelerations)
 
 
-def _values_of_points(points: Sequence[JointTrajectoryPoint], name: str, order: Sequence[int]) -> np.ndarray | None:
+def _values_of_points(
+    points: Sequence[JointTrajectoryPoint | SeenPoint], name: str, order: Sequence[int]
+) -> np.ndarray | None:
     """Field (n, joints) of n points with its columns in an order; None where it is empty at all of them."""
     rows = [getattr(point, name) for point in points]
     sizes = np.array([len(row) for row in rows])

@@ -34,7 +34,7 @@ from geodesic_motion_ros.nodes.described_arm import DescribedArm
 from geodesic_motion_ros.nodes.drive_watch import DRIVE_TOPIC
 from geodesic_motion_ros.nodes.extras import extra
 from geodesic_motion_ros.nodes.frames import PATIENCE, FixedFrame, LateTransforms, frames_of
-from geodesic_motion_ros.nodes.marker_bytes import SeenMarker, Stamp, parse_marker, parse_markers
+from geodesic_motion_ros.nodes.marker_bytes import SeenMarker, parse_marker, parse_markers
 from geodesic_motion_ros.nodes.marker_messages import (
     MarkerUpdate,
     held_objects_after,
@@ -54,6 +54,7 @@ from geodesic_motion_ros.nodes.node_time import NodeTime
 from geodesic_motion_ros.nodes.obstacle_load import Load, ObstacleLoad
 from geodesic_motion_ros.nodes.obstacle_subscription import ObstacleSubscription
 from geodesic_motion_ros.nodes.parameters import NodeParameters
+from geodesic_motion_ros.nodes.plain_cdr import Stamp
 from geodesic_motion_ros.nodes.planning_scene import REMOVE, PlanningSceneReader, removal
 from geodesic_motion_ros.nodes.publishers import LATCHED
 from geodesic_motion_ros.nodes.refusals import RefusalLog
@@ -313,16 +314,16 @@ class PlannerInputs:
         self._subscribe(PoseStamped, "task_frame", self.on_task_frame, GOALS)
 
     def _subscribe(
-        self, kind: type, topic: str, take: Callable[[Any], None], qos: QoSProfile, queue: str = ""
+        self, kind: type, topic: str, take: Callable[[Any], None], qos: QoSProfile, queue: str = "", raw: bool = False
     ) -> None:
-        """queue : of messages that wait for transforms; "": that of the topic."""
+        """queue : of messages that wait for transforms; "": that of the topic. raw : take gets bytes."""
 
         def receive(message: Any) -> None:
             with self.refusals.guard(topic):
                 take(message)
 
         receive_in_turn = lambda message: self._late.take(queue or topic, partial(receive, message))  # noqa: E731
-        self._node.create_subscription(kind, topic, receive_in_turn, qos)
+        self._node.create_subscription(kind, topic, receive_in_turn, qos, raw=raw)
 
     def _subscribe_obstacles(
         self, kind: type, topic: str, take: Callable[[Any], list[Key] | None], **offered: Any

@@ -13,7 +13,7 @@ from shape_msgs.msg import SolidPrimitive
 from visualization_msgs.msg import Marker
 
 from geodesic_motion_ros.geometry.task_frame import TaskFrame
-from geodesic_motion_ros.nodes.marker_bytes import Place, SeenMarker, Stamp, StampedFrame, Tint, Turn, Vector
+from geodesic_motion_ros.nodes.marker_bytes import Place, SeenMarker, Tint, Turn, Vector
 from geodesic_motion_ros.nodes.messages import (
     FrameLookup,
     MessageRefused,
@@ -22,6 +22,7 @@ from geodesic_motion_ros.nodes.messages import (
     checked_quaternion,
     frame_of,
 )
+from geodesic_motion_ros.nodes.plain_cdr import Stamp, StampedFrame
 
 #: Operations on objects, as moveit_msgs/CollisionObject numbers them: a field of one byte is one of these here.
 ADD, REMOVE, APPEND, MOVE = (bytes([number]) for number in range(4))

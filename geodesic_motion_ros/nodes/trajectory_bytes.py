@@ -8,13 +8,12 @@ size from where the message begins, so all points but the first look alike: they
 from __future__ import annotations
 
 import struct
-import sys
 from collections.abc import Sequence
 
 import numpy as np
 
-#: What precedes a message: plain CDR in this machine's order of bytes.
-ENCAPSULATION = bytes([0, int(sys.byteorder == "little"), 0, 0])
+from geodesic_motion_ros.nodes.plain_cdr import ENCAPSULATION
+
 _GAP = bytes(4)
 
 

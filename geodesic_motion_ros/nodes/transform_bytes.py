@@ -5,12 +5,10 @@ from __future__ import annotations
 import math
 import struct
 
-from geodesic_motion_ros.nodes.marker_bytes import checked_plain, multiple, text
 from geodesic_motion_ros.nodes.messages import MessageRefused
+from geodesic_motion_ros.nodes.plain_cdr import LENGTH, checked_plain, multiple, refusing_short, stamp, text
 from geodesic_motion_ros.nodes.transform_table import Numbers
 
-_LENGTH = struct.Struct("=I")
-_STAMP = struct.Struct("=iI")
 _NUMBERS = struct.Struct("=7d")
 
 
@@ -19,11 +17,11 @@ def parse_transforms(wire: bytes) -> list[tuple[str, str, int, Numbers]]:
     numbers are not finite or a quaternion is no unit quaternion.
     """
     data, at, found = checked_plain(wire, "transforms"), 4, []
-    try:
-        (count,) = _LENGTH.unpack_from(data)
+    with refusing_short(data, "transforms"):
+        (count,) = LENGTH.unpack_from(data)
         for _ in range(count):
             at = multiple(at, 4)
-            seconds, nanoseconds = _STAMP.unpack_from(data, at)
+            seconds, nanoseconds = stamp(data, at)
             parent, at = text(data, at + 8)
             frame, at = text(data, at)
             at = multiple(at, 8)
@@ -36,9 +34,7 @@ def parse_transforms(wire: bytes) -> list[tuple[str, str, int, Numbers]]:
                     "quaternion"
                 )
             turn = w / norm, x / norm, y / norm, z / norm
-            stamp = seconds * 10**9 + nanoseconds
+            moment = seconds * 10**9 + nanoseconds
             # A leading / is of ROS 1.
-            found.append((frame.removeprefix("/"), parent.removeprefix("/"), stamp, (tuple(origin), turn)))
-    except struct.error as error:
-        raise MessageRefused(f"transforms end before they should, after {len(data)} bytes") from error
+            found.append((frame.removeprefix("/"), parent.removeprefix("/"), moment, (tuple(origin), turn)))
     return found

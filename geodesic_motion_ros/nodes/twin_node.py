@@ -32,6 +32,7 @@ from visualization_msgs.msg import MarkerArray
 from geodesic_motion_ros.nodes.clock_offset import ClockOffset
 from geodesic_motion_ros.nodes.drive_watch import DRIVE_TOPIC
 from geodesic_motion_ros.nodes.extras import extra
+from geodesic_motion_ros.nodes.joint_bytes import SeenTrajectory, parse_joint_trajectory
 from geodesic_motion_ros.nodes.marker_messages import MarkerScene, sphere_marker
 from geodesic_motion_ros.nodes.messages import (
     MessageRefused,
@@ -201,12 +202,12 @@ class TwinNode(LoopingNode):
         self.create_subscription(PoseStamped, _HAND, self._on_hand, qos)
         self._commands = (
             self.create_subscription(PoseStamped, _POSES, self._on_target, qos),
-            self.create_subscription(JointTrajectory, _TRAJECTORIES, self._on_trajectory, qos),
+            self.create_subscription(JointTrajectory, _TRAJECTORIES, self._on_wire, qos, raw=True),
         )
         self.create_subscription(JointState, _POSTURES, self._on_posture, qos)
         if (kind := extra(KIND)) is not None:
             self._goals = TrajectoryServer(
-                self, kind, "follow_joint_trajectory", self._accepts, self._on_trajectory
+                self, kind, "follow_joint_trajectory", self._accepts, self._on_goal
             )
         self.create_service(Trigger, "~/reset", self._on_reset)
         self.create_service(Trigger, "~/spawn_obstacles", self._on_spawn)
@@ -426,12 +427,21 @@ class TwinNode(LoopingNode):
         with self.refusals.guard(_HAND):
             self._ask(_Command(_HAND, partial(self.world.pull, *read_pose(message, self._frame))))
 
-    def _on_trajectory(self, message: JointTrajectory, goal: ServerGoalHandle | None = None) -> None:
+    def _on_wire(self, wire: bytes) -> None:
         with self.refusals.guard(_TRAJECTORIES):
-            waypoints = read_joint_trajectory(message, self._arm, self._options["joint_prefix"])
-            begin = seconds(message.header.stamp) or None
-            until = (begin or 1e-9 * self.get_clock().now().nanoseconds) + float(waypoints.times[-1])
-            self._ask(_Command(_TRAJECTORIES, partial(self._follow, waypoints, begin), goal, until))
+            self._take_trajectory(parse_joint_trajectory(wire))
+
+    def _on_goal(self, message: JointTrajectory, goal: ServerGoalHandle) -> None:
+        with self.refusals.guard(_TRAJECTORIES):
+            self._take_trajectory(message, goal)
+
+    def _take_trajectory(
+        self, message: JointTrajectory | SeenTrajectory, goal: ServerGoalHandle | None = None
+    ) -> None:
+        waypoints = read_joint_trajectory(message, self._arm, self._options["joint_prefix"])
+        begin = seconds(message.header.stamp) or None
+        until = (begin or 1e-9 * self.get_clock().now().nanoseconds) + float(waypoints.times[-1])
+        self._ask(_Command(_TRAJECTORIES, partial(self._follow, waypoints, begin), goal, until))
 
     def _accepts(self, message: JointTrajectory) -> bool:
         """Whether the arm can play a trajectory; the log says why not."""
