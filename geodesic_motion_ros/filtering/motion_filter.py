@@ -177,6 +177,7 @@ class MotionFilter(StreamingPlanner[FilteredArm]):
     def clear_goal(self) -> None:
         """Forget the trajectory that is played: the arm comes to rest along it."""
         self._newest = self._active = None
+        self._blocked_since = math.inf
 
     # ------------------------------------------------------------------ ticks
 
@@ -215,9 +216,11 @@ class MotionFilter(StreamingPlanner[FilteredArm]):
             progress = float(situation.state.latent[0])
             verdict = followed.verdict if clearance is None else followed.verdict.with_figures(clearance=clearance)
             if situation.at_rest and progress >= offer.duration - 1e-6:
+                self._blocked_since = math.inf
                 played = Verdict(reason="the trajectory has been played", figures=verdict.figures)
                 return situation.go_on(played, replace(followed, purpose=Purpose.GOAL))
             if clearance is not None and followed.purpose is Purpose.GOAL:
+                self._blocked_since = math.inf
                 return situation.go_on(verdict)
         else:
             state = situation.state
@@ -232,7 +235,7 @@ class MotionFilter(StreamingPlanner[FilteredArm]):
         step = self._attempt(situation, offer, progress, goes_on=clearance is not None)
         verdict = step.plan.verdict
         if not isinstance(verdict, Refusal):
-            self._attempted = None
+            self._attempted, self._blocked_since = None, math.inf
             return step
         self._attempted = PastSearch(question, situation.now), verdict
         begun = None if step.plan.trajectory is None else step.followed
@@ -311,13 +314,13 @@ class MotionFilter(StreamingPlanner[FilteredArm]):
 
     def _around(self, situation: Situation, offer: Offer, progress: float) -> Step | None:
         """Follow the detour that was found for an arm at rest, or have one searched, once it has been blocked for long
-        enough. None: there is none to follow yet.
+        enough: since it last was free to play on, however it has crept or made room meanwhile. None: there is none to
+        follow yet.
         """
-        if not (self._recovers and situation.at_rest):
-            self._blocked_since = math.inf
-            return None
         state, now = situation.state, situation.now
         self._blocked_since = min(self._blocked_since, now)
+        if not (self._recovers and situation.at_rest):
+            return None
         # From one place a stream offers the same again and again.
         searched = None if self._detour is None else self._detour[0].about
         about = searched if isinstance(searched, Offer) and searched.ends_like(offer) else offer
@@ -353,7 +356,6 @@ class MotionFilter(StreamingPlanner[FilteredArm]):
 
     def _stands_anew(self) -> None:
         self.clear_goal()
-        self._blocked_since = math.inf
 
     def _prepared_arm(self, arm: FilteredArm, holds_others: bool) -> PreparedArm[FilteredArm]:
         return PreparedArm(arm, None, None)

@@ -21,7 +21,7 @@ from geodesic_motion_studies.comparison.arena import Arena
 ACTIONS, RATE, RENEWED = 16, 30.0, 0.25
 #: Places beside a demonstration from which chunks are trained: standard deviation of the joints there [rad], and how
 #: long a chunk takes to come back [s].
-BESIDE, COMES_BACK = 0.08, 1.0
+BESIDE, COMES_BACK = 0.3, 1.0
 #: Of the training. An end is nearer than this [rad].
 SEED, WIDTH, STEPS, BATCH, LEARNING_RATE, AT_END = 0, 128, 3000, 256, 2e-3, 1e-3
 _AHEAD = np.arange(1, ACTIONS + 1) / RATE
