@@ -321,6 +321,31 @@ def test_a_stream_of_chunks_is_passed_around_what_covers_their_ends(
     assert keeps_limits(filtering)
 
 
+def test_an_arm_that_creeps_behind_what_draws_back_does_not_begin_to_wait_anew() -> None:
+    """A sphere gives way by a centimetre every second and a half: each time the arm plays on a little."""
+    filtering = Filtering(MotionFilter("panda", DeclaredScene.empty(), recover="detour"))
+    filtering.filter.stand_at(BEGIN, 0.0)
+    times, place = np.linspace(0.0, DURATION, 76), halfway(filtering)
+    onwards = filtering.filter.robot.forward(BEGIN + 0.6 * MOVED)[0] - place
+    onwards /= np.linalg.norm(onwards)
+    assert filtering.filter.offer(times, offered(times)[0]).ok
+
+    def send(now: float) -> None:
+        centre = place + 0.01 * (round(100 * now) // 150) * onwards
+        filtering.filter.observe(Obstacles.of_spheres(centre[None], np.array([0.03])))
+
+    crept = 0
+    for _ in range(100):
+        stood = filtering.commanded and filtering.at_rest
+        plan = filtering.run(0.1, send)
+        if plan.verdict.ok and off_the_path(filtering.positions[-10:]) > 0.02:
+            break
+        crept += bool(stood and not filtering.at_rest)
+    blocked = next(number for number, plan in enumerate(filtering.plans) if not plan.verdict.ok)
+    assert crept > 0  # the control: it did not stand all the time
+    assert filtering.now < 0.01 * blocked + filtering.filter.settings.patience + 1.0
+
+
 @pytest.mark.parametrize("recover", ["detour", "wait"])
 def test_an_arm_that_waits_makes_room_for_what_comes_where_it_may_leave_its_path(
     least_clearance: Callable[..., float], recover: Recovery
