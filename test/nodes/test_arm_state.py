@@ -239,8 +239,8 @@ class TestNames:
 class TestRates:
     def test_of_a_fast_driver_no_more_is_read_than_is_needed(self, driver, monkeypatch):
         read = []
-        original = arm_state.deserialize_message
-        monkeypatch.setattr(arm_state, "deserialize_message", lambda *a: read.append(1) or original(*a))
+        original = arm_state.parse_joint_state
+        monkeypatch.setattr(arm_state, "parse_joint_state", lambda *a: read.append(1) or original(*a))
         for _ in range(100):
             for _ in range(10):
                 driver.go(0.001)
