@@ -322,7 +322,7 @@ def test_a_stream_of_chunks_is_passed_around_what_covers_their_ends(
 
 
 def test_an_arm_that_creeps_behind_what_draws_back_does_not_begin_to_wait_anew() -> None:
-    """A sphere gives way by a centimetre every second and a half: each time the arm plays on a little."""
+    """A sphere draws back by a centimetre every second and a half: each time the arm plays on a little."""
     filtering = Filtering(MotionFilter("panda", DeclaredScene.empty(), recover="detour"))
     filtering.filter.stand_at(BEGIN, 0.0)
     times, place = np.linspace(0.0, DURATION, 76), halfway(filtering)
