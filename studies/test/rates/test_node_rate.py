@@ -8,7 +8,7 @@ from dataclasses import asdict
 import pytest
 
 from geodesic_motion_ros.utils.errors import ParameterError
-from geodesic_motion_studies.rates import node_rate, reaction_time
+from geodesic_motion_studies.rates import chunk_time, node_rate, reaction_time
 
 
 @pytest.mark.realtime
@@ -67,3 +67,19 @@ def test_impossible_timings_are_refused(tmp_path, wrong):
 def test_reactions_of_a_skill_that_streams_poses_are_not_timed(tmp_path):
     with pytest.raises(ParameterError, match="skill of joint space"):
         reaction_time.measure_reaction("panda_pouring", tmp_path)
+
+
+@pytest.mark.realtime
+def test_chunks_are_answered_by_the_filter_and_by_a_node_that_forwards_them(tmp_path):
+    rows = chunk_time.measure_chunks(tmp_path, hertz=20.0, chunks=20, domain=int(os.environ["ROS_DOMAIN_ID"]))
+    assert [row.name for row in rows] == ["filter", "forwards"]
+    for row in rows:
+        assert 0 < row.answered <= row.chunks == 20
+        assert 0.0 < row.p50 <= row.p99 <= row.worst
+        assert row.name in chunk_time.table(rows)
+
+
+@pytest.mark.parametrize(("hertz", "chunks"), [(0.0, 20), (50.0, 0)])
+def test_chunks_that_cannot_be_measured_are_refused(tmp_path, hertz, chunks):
+    with pytest.raises(ParameterError, match="must be positive"):
+        chunk_time.measure_chunks(tmp_path, hertz, chunks)
