@@ -45,15 +45,16 @@ class Browser:
         self._do("Page.navigate", url=address)
 
     def text(self) -> str:
-        """What stands on the page."""
-        return self._value("document.body.innerText")
+        """What stands on the page: nothing, as long as there is none."""
+        return self._value("document.body?.innerText ?? ''")
 
     def click(self, label: str) -> None:
-        """Click the button with a label."""
+        """Click the button with a label, where there is one yet."""
         box = f"[...document.querySelectorAll('button, label')].find(one => one.innerText.trim() == '{label}')"
-        x, y = self._value(f"(r => [r.x + r.width / 2, r.y + r.height / 2])({box}.getBoundingClientRect())")
-        self._mouse("mousePressed", x, y)
-        self._mouse("mouseReleased", x, y)
+        place = self._value(f"(r => r && [r.x + r.width / 2, r.y + r.height / 2])({box}?.getBoundingClientRect() ?? null)")
+        if place is not None:
+            self._mouse("mousePressed", *place)
+            self._mouse("mouseReleased", *place)
 
     def canvas(self) -> tuple[float, float, float, float]:
         """Left, top, width and height of the picture in space [pixels]."""
@@ -90,7 +91,9 @@ class Browser:
         self._do("Input.dispatchMouseEvent", type=kind, x=x, y=y, button="left", buttons=pressed, clickCount=1)
 
     def _value(self, expression: str) -> Any:
-        return self._do("Runtime.evaluate", expression=expression, returnByValue=True)["result"]["value"]
+        answer = self._do("Runtime.evaluate", expression=expression, returnByValue=True)
+        assert "exceptionDetails" not in answer, answer["exceptionDetails"]
+        return answer["result"]["value"]
 
     def _do(self, method: str, **values: Any) -> dict[str, Any]:
         self._number += 1
