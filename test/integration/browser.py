@@ -51,7 +51,7 @@ class Browser:
     def click(self, label: str) -> None:
         """Click the button with a label, where there is one yet."""
         box = f"[...document.querySelectorAll('button, label')].find(one => one.innerText.trim() == '{label}')"
-        place = self._value(f"(r => r && [r.x + r.width / 2, r.y + r.height / 2])({box}?.getBoundingClientRect() ?? null)")
+        place = self._value(f"(r => r && [r.x + r.width / 2, r.y + r.height / 2])({box}?.getBoundingClientRect())")
         if place is not None:
             self._mouse("mousePressed", *place)
             self._mouse("mouseReleased", *place)
@@ -93,7 +93,7 @@ class Browser:
     def _value(self, expression: str) -> Any:
         answer = self._do("Runtime.evaluate", expression=expression, returnByValue=True)
         assert "exceptionDetails" not in answer, answer["exceptionDetails"]
-        return answer["result"]["value"]
+        return answer["result"].get("value")
 
     def _do(self, method: str, **values: Any) -> dict[str, Any]:
         self._number += 1
