@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import time
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -30,6 +31,8 @@ pytestmark = [
     pytest.mark.skipif(browser.program() is None, reason="no Chromium: apt install chromium (Debian), snap (Ubuntu)"),
 ]
 SKILL, SCENE = "panda_reach_to_grasp", "table"
+#: A sphere that has not come along for so long is not held [s].
+DRAGGED = 20.0
 
 
 @pytest.fixture
@@ -121,24 +124,29 @@ def test_an_arm_passes_what_a_user_drags_into_its_path(arm: Processes, bench: Be
         undisturbed = motion()
         chromium.picture(tmp_path / "undisturbed.png")
         press_until("Reset the twin", "NO_GOAL")
-        ((_, sphere, radius),) = view.page.spheres
-        (client,) = view.page.clients
-        forward = to_rotation(np.array(client.camera.wxyz)).apply((0.0, 0.0, 1.0))
-        place = place_on_the_path(planner, undisturbed[:: len(undisturbed) // 60], sphere, radius, forward)
-        begin, *steps = projected(view, np.linspace(sphere, place, 7), chromium.canvas())
-        chromium.hover(*begin)
-        chromium.press(*begin)
-        for step in steps:
-            chromium.move(*step)
 
-        # Released once it is there: the browser renders a picture in seconds.
-        def there() -> bool:
-            chromium.move(*steps[-1])
-            return bool(np.linalg.norm(view.page.spheres[0][1] - place) < 0.02)
+        def drag() -> bool:
+            """Drag the sphere to where it is in the path; whether it came there: a mouse that is quicker than the
+            picture takes hold of the view instead.
+            """
+            ((_, sphere, radius),) = view.page.spheres
+            (client,) = view.page.clients
+            forward = to_rotation(np.array(client.camera.wxyz)).apply((0.0, 0.0, 1.0))
+            place = place_on_the_path(planner, undisturbed[:: len(undisturbed) // 60], sphere, radius, forward)
+            begin, *steps = projected(view, np.linspace(sphere, place, 7), chromium.canvas())
+            chromium.hover(*begin)
+            chromium.press(*begin)
+            for step in steps:
+                chromium.move(*step)
+            # Released once it is there: the browser renders a picture in seconds.
+            end = time.monotonic() + DRAGGED
+            while not (there := np.linalg.norm(view.page.spheres[0][1] - place) < 0.02) and time.monotonic() < end:
+                chromium.move(*steps[-1])
+            chromium.release(*steps[-1])
+            return bool(there)
 
-        bench.poll(there, "the sphere that is dragged")
-        chromium.release(*steps[-1])
-        centre = view.page.spheres[0][1]
+        assert any(drag() for _ in range(10)), "the sphere cannot be dragged"
+        ((_, centre, radius),) = view.page.spheres
         assert np.min(gaps(planner, undisturbed, centre, radius)) < -0.01  # the control: it would be touched
 
         def heard_there() -> bool:
