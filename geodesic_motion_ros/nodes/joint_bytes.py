@@ -1,7 +1,7 @@
 """Joint states and joint trajectories as they come over the wire.
 
-rclpy makes an object of each point and checks each of its numbers: 1 ms for a chunk of 15 points, 7 ms for a trajectory
-of 300, in which the control loop stands still.
+rclpy makes an object of each point: 0.5 ms for a chunk of 15 points, 3 ms for a trajectory of 300, in which the control
+loop stands still; here 0.1 and 1.1 ms.
 """
 
 from __future__ import annotations
