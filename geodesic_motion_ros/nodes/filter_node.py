@@ -87,9 +87,13 @@ class FilterNode(LoopingNode):
         """Begin to filter and command."""
         self.face.start()
 
-    def brake(self) -> bool:
-        """Have the arm brake on its path; returns whether it rests."""
+    def brake(self) -> None:
+        """Have the arm brake on its path."""
         self.cycle.paused = "the filter ends"
+
+    @property
+    def is_at_rest(self) -> bool:
+        """Whether the arm stands, and is not about to move."""
         return self.face.is_at_rest
 
     def stop(self) -> None:

@@ -109,9 +109,13 @@ class PlannerNode(LoopingNode):
         if self._action is not None:
             self._action.start()
 
-    def brake(self) -> bool:
-        """Have the arm brake on its path; returns whether it rests."""
+    def brake(self) -> None:
+        """Have the arm brake on its path."""
         self.cycle.paused = "the planner ends"
+
+    @property
+    def is_at_rest(self) -> bool:
+        """Whether the arm stands, and is not about to move."""
         return self.face.is_at_rest
 
     def stop(self) -> None:

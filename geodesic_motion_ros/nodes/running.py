@@ -77,9 +77,12 @@ class LoopingNode(Node, ABC):
     def start(self) -> None:
         """Begin the threads."""
 
-    def brake(self) -> bool:
-        """Have what this node commands come to rest, for it is to end; returns whether it rests. Called until it does.
-        """
+    def brake(self) -> None:
+        """Have what this node commands come to rest, for the node is to end."""
+
+    @property
+    def is_at_rest(self) -> bool:
+        """Whether what this node commands rests."""
         return True
 
     @abstractmethod
@@ -221,8 +224,9 @@ def _spin(node: LoopingNode, request: StopRequest) -> None:
     try:
         while not request and not node.failure.is_set():
             executor.spin_once(timeout_sec=0.1)
+        node.brake()
         until = time.monotonic() + _BRAKING
-        while not (node.failure.is_set() or node.brake() or request.insists or time.monotonic() > until):
+        while not (node.is_at_rest or node.failure.is_set() or request.insists or time.monotonic() > until):
             executor.spin_once(timeout_sec=0.01)
     except ExternalShutdownException:
         return
