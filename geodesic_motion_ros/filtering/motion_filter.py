@@ -177,7 +177,6 @@ class MotionFilter(StreamingPlanner[FilteredArm]):
     def clear_goal(self) -> None:
         """Forget the trajectory that is played: the arm comes to rest along it."""
         self._newest = self._active = None
-        self._blocked_since = math.inf
 
     # ------------------------------------------------------------------ ticks
 
@@ -186,7 +185,10 @@ class MotionFilter(StreamingPlanner[FilteredArm]):
         if newest is not None and (newest.begin is None or situation.state.time >= newest.begin - TIME_ROUNDING):
             waits = _evades(situation) or (newest.ends_in_motion and self._passes_around(situation))
             self._active = self._active if waits else newest
-        return self._commit_step(situation, self._step(situation), before)
+        step = self._step(situation)
+        free = step.plan.verdict.ok or step.plan.verdict.code is VerdictCode.NO_GOAL
+        self._blocked_since = math.inf if free else min(self._blocked_since, situation.now)
+        return self._commit_step(situation, step, before)
 
     def _passes_around(self, situation: Situation) -> bool:
         """Whether the arm follows a detour: chunks of a stream, which may know nothing of what it passes, wait."""
@@ -216,11 +218,9 @@ class MotionFilter(StreamingPlanner[FilteredArm]):
             progress = float(situation.state.latent[0])
             verdict = followed.verdict if clearance is None else followed.verdict.with_figures(clearance=clearance)
             if situation.at_rest and progress >= offer.duration - 1e-6:
-                self._blocked_since = math.inf
                 played = Verdict(reason="the trajectory has been played", figures=verdict.figures)
                 return situation.go_on(played, replace(followed, purpose=Purpose.GOAL))
             if clearance is not None and followed.purpose is Purpose.GOAL:
-                self._blocked_since = math.inf
                 return situation.go_on(verdict)
         else:
             state = situation.state
@@ -235,7 +235,7 @@ class MotionFilter(StreamingPlanner[FilteredArm]):
         step = self._attempt(situation, offer, progress, goes_on=clearance is not None)
         verdict = step.plan.verdict
         if not isinstance(verdict, Refusal):
-            self._attempted, self._blocked_since = None, math.inf
+            self._attempted = None
             return step
         self._attempted = PastSearch(question, situation.now), verdict
         begun = None if step.plan.trajectory is None else step.followed
@@ -317,10 +317,9 @@ class MotionFilter(StreamingPlanner[FilteredArm]):
         enough: since it last was free to play on, however it has crept or made room meanwhile. None: there is none to
         follow yet.
         """
-        state, now = situation.state, situation.now
-        self._blocked_since = min(self._blocked_since, now)
         if not (self._recovers and situation.at_rest):
             return None
+        state, now = situation.state, situation.now
         # From one place a stream offers the same again and again.
         searched = None if self._detour is None else self._detour[0].about
         about = searched if isinstance(searched, Offer) and searched.ends_like(offer) else offer
@@ -356,6 +355,7 @@ class MotionFilter(StreamingPlanner[FilteredArm]):
 
     def _stands_anew(self) -> None:
         self.clear_goal()
+        self._blocked_since = math.inf
 
     def _prepared_arm(self, arm: FilteredArm, holds_others: bool) -> PreparedArm[FilteredArm]:
         return PreparedArm(arm, None, None)
