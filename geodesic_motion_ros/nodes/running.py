@@ -36,7 +36,7 @@ from geodesic_motion_ros.utils.errors import GeodesicMotionError, ParameterError
 # half a control period.
 _SWITCH_INTERVAL = 0.00005
 _LAST = 19
-# An arm has so long to come to rest before its node ends [s]; within how long two signals are one.
+# How long a node waits for its arm to rest before it ends [s]; signals so close are one [s].
 _BRAKING, _SAME = 2.0, 0.5
 
 #: Of timers that go on while a simulation stands.
@@ -110,7 +110,8 @@ def destroy_actions(node: Node) -> None:
 class StopRequest:
     """SIGINT and SIGTERM: an exception while starting up, later a flag that the spinning loop looks at.
 
-    `insists` is set by another one later: a terminal and a launch file may both pass on the same one.
+    `insists` is set by a second one. One within half a second is the same: a terminal and a launch file both pass it
+    on.
     """
 
     def __init__(self) -> None:
@@ -134,7 +135,7 @@ class StopRequest:
 def run_node(program: Program, create: Callable[[], LoopingNode], args: list[str] | None) -> int:
     """Create a node, spin it until it is requested to end, and take it down in the order that never aborts.
 
-    What it commands comes to rest before, unless a second signal comes.
+    Before it ends, what it commands comes to rest: for `_BRAKING` at most, and not after a second signal.
 
     Returns the exit code: 0 after SIGINT or SIGTERM, 1 when the node could not start or its loop died.
     """

@@ -202,12 +202,12 @@ class TwinNode(LoopingNode):
         self.create_subscription(PoseStamped, _HAND, self._on_hand, qos)
         self._commands = (
             self.create_subscription(PoseStamped, _POSES, self._on_target, qos),
-            self.create_subscription(JointTrajectory, _TRAJECTORIES, self._on_wire, qos, raw=True),
+            self.create_subscription(JointTrajectory, _TRAJECTORIES, self._on_trajectory, qos, raw=True),
         )
         self.create_subscription(JointState, _POSTURES, self._on_posture, qos)
         if (kind := extra(KIND)) is not None:
             self._goals = TrajectoryServer(
-                self, kind, "follow_joint_trajectory", self._accepts, self._on_goal
+                self, kind, "follow_joint_trajectory", self._accepts, self._on_trajectory_goal
             )
         self.create_service(Trigger, "~/reset", self._on_reset)
         self.create_service(Trigger, "~/spawn_obstacles", self._on_spawn)
@@ -427,11 +427,11 @@ class TwinNode(LoopingNode):
         with self.refusals.guard(_HAND):
             self._ask(_Command(_HAND, partial(self.world.pull, *read_pose(message, self._frame))))
 
-    def _on_wire(self, wire: bytes) -> None:
+    def _on_trajectory(self, wire: bytes) -> None:
         with self.refusals.guard(_TRAJECTORIES):
             self._take_trajectory(parse_joint_trajectory(wire))
 
-    def _on_goal(self, message: JointTrajectory, goal: ServerGoalHandle) -> None:
+    def _on_trajectory_goal(self, message: JointTrajectory, goal: ServerGoalHandle) -> None:
         with self.refusals.guard(_TRAJECTORIES):
             self._take_trajectory(message, goal)
 

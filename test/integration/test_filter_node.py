@@ -154,6 +154,17 @@ def test_it_stops_before_what_stands_on_the_path_and_goes_on_when_that_is_remove
     arm.wait(lambda: is_at(arm, END), "the end of the trajectory")
 
 
+def test_it_brakes_before_it_ends(bench: Bench, arm: Bench) -> None:
+    (node,) = (node for node in bench._nodes if isinstance(node, FilterNode))
+    send(arm, BEGIN, END)
+    arm.wait(lambda: float(status(arm)["speed"]) > 0.05, "an arm in motion")
+    assert not node.is_at_rest
+    node.brake()
+    arm.wait(lambda: node.is_at_rest, "an arm that rests")
+    assert status(arm)["reason"] == "the filter ends"
+    assert np.max(np.abs(measured(arm) - END)) > 0.05  # the control: on its path
+
+
 def test_it_follows_targets_that_stream(arm: Bench) -> None:
     publisher = arm.publisher(JointState, "filter/joint_target")
     names, passed = list(Robot.named("panda").joint_names), 0.0

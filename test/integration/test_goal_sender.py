@@ -270,10 +270,15 @@ def test_an_arm_that_holds_no_pose_is_sent_a_configuration(monkeypatch, capsys):
     assert f"frame_id: {skill.base_frame}}}" in capsys.readouterr().out
     assert main(["goal", "ur5_reach", "--print", "--joint-prefix", "left_"]) == 0
     assert f"frame_id: left_{skill.base_frame}}}" in capsys.readouterr().out
+    assert main(["goal", "ur5_reach", "--print", "--back"]) == 0
+    assert capsys.readouterr().out == goal_of_skill(skill, end="start").by_hand() + "\n"
     monkeypatch.setattr(Robot, "takes_poses", False)
+    robot = Robot.named("ur5")
+    assert main(["goal", "ur5_reach", "--print", "--back"]) == 0
+    content = yaml.safe_load(capsys.readouterr().out.split('"')[1])
+    np.testing.assert_allclose(robot.forward(np.array(content["position"]))[0], skill.start_pose[:3], atol=1e-3)
     assert main(["goal", "ur5_reach", "--print"]) == 0
     content = yaml.safe_load(capsys.readouterr().out.split('"')[1])
-    robot = Robot.named("ur5")
     assert tuple(content["name"]) == tuple(robot.joint_names)
     np.testing.assert_allclose(robot.forward(np.array(content["position"]))[0], skill.goal_pose[:3], atol=1e-3)
     assert main(["goal", "ur5_reach", "--print", "--joint-prefix", "left_"]) == 0

@@ -66,7 +66,9 @@ def interface(node: Node, namespace: str = "") -> dict[str, str]:
     for name, kind in ends:
         package, folder = kind.__module__.split(".")[:2]
         if package not in EVERY:
-            name = name.removeprefix(f"/{namespace}").removeprefix("/").replace(f"{node.get_name()}/", "~/", 1)
+            name = name.removeprefix(f"/{namespace}").removeprefix("/")
+            own = name.removeprefix(f"{node.get_name()}/")
+            name = name if own == name else f"~/{own}"
             types[name] = "/".join([package, *([folder] if folder != "msg" else []), kind.__name__])
     return types
 

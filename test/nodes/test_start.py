@@ -97,6 +97,58 @@ def test_a_node_is_taken_down_by_threads_that_share_one_core() -> None:
     assert done.stdout.splitlines() == ["True 1"], done.stderr
 
 
+# Ends a node that moves something: it rests after so many looks, if at all.
+BRAKING = """
+import os, signal, threading, time
+from geodesic_motion_ros.nodes import running, usage
+
+running._BRAKING, running._SAME = {patience}, 0.2
+main, looks = threading.get_ident(), 0
+
+class Node(running.LoopingNode):
+    def _build(self):
+        pass
+
+    def _introduction(self):
+        return "ready"
+
+    def start(self):
+        signal.pthread_kill(main, signal.SIGINT)
+
+    def brake(self):
+        print("brake", flush=True)
+
+    @property
+    def is_at_rest(self):
+        global looks
+        looks += 1
+        if looks == {insists}:
+            time.sleep(0.3)  # longer than a signal that is the same
+            signal.pthread_kill(main, signal.SIGINT)
+        return looks == {rests}
+
+    def stop(self):
+        if looks:
+            print("stop", looks, flush=True)
+
+raise SystemExit(running.run_node(usage.PROGRAMS["twin"], lambda: Node("moving"), []))
+"""
+NEVER, FOR_EVER = -1, 1e9
+
+
+@pytest.mark.parametrize(
+    ("patience", "rests", "insists", "looks"),
+    [(FOR_EVER, 3, NEVER, 3), (FOR_EVER, NEVER, 5, 5), (-1.0, NEVER, NEVER, 1)],
+    ids=["until it rests", "until a second signal", "for so long at most"],
+)  # fmt: skip
+def test_a_node_that_is_to_end_brakes_before(patience: float, rests: int, insists: int, looks: int) -> None:
+    script = BRAKING.format(patience=patience, rests=rests, insists=insists)
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    said = done.stdout.splitlines()
+    assert said[:2] == ["brake", f"stop {looks}"], done.stdout
+
+
 # What a program has imported when it has answered.
 LOADED = """
 import sys
