@@ -5,8 +5,14 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
+
+from geodesic_motion_ros.nodes.running import cores_awake
+
+#: The longest time [us] in which a core may wake, an int of four bytes, as Linux sees it for all programs together.
+WAKING = Path("/dev/cpu_dma_latency")
 
 #: The priorities of all threads after `go_first`, among them one that was there before it.
 PRIORITIES = """
@@ -30,3 +36,15 @@ def test_all_threads_go_first_and_so_does_the_group_of_the_session() -> None:
     if threads == str(os.getpriority(os.PRIO_PROCESS, 0)):
         pytest.skip("priorities may not be raised here")
     assert (threads, group) == ("-10", "-10")
+
+
+@pytest.mark.skipif(not os.access(WAKING, os.R_OK | os.W_OK), reason="cores may not be kept awake here")
+def test_cores_do_not_sleep_while_a_node_runs_and_may_afterwards() -> None:
+    with cores_awake():
+        assert WAKING.read_bytes()[:4] == bytes(4)
+        assert str(WAKING) in _open_files()
+    assert str(WAKING) not in _open_files()
+
+
+def _open_files() -> set[str]:
+    return {os.path.realpath(f"/proc/self/fd/{number}") for number in os.listdir("/proc/self/fd")}
