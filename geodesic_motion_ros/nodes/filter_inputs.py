@@ -31,8 +31,8 @@ class FilterInputs(PlannerInputs):
     noun = MotionFilter.noun
 
     def _subscribe_goals(self) -> None:
-        self._subscribe(JointTrajectory, TRAJECTORY, self._on_trajectory, _OFFERS, raw=True)
-        self._subscribe(JointState, TARGET, self._on_target, _OFFERS)
+        self.listener.subscribe(JointTrajectory, TRAJECTORY, self._on_trajectory, _OFFERS, raw=True)
+        self.listener.subscribe(JointState, TARGET, self._on_target, _OFFERS)
 
     def _on_trajectory(self, wire: bytes) -> None:
         try:
@@ -42,7 +42,7 @@ class FilterInputs(PlannerInputs):
             self._refuse(TRAJECTORY, error)
             raise
         stamp = seconds(message.header.stamp)
-        moment = self.time.read()
+        moment = self.listener.time.read()
         begin = None if stamp == 0.0 else moment.now - moment.transit(stamp)
         self._take(OfferRequest(read.times, read.positions, read.velocities, begin))
 

@@ -77,7 +77,7 @@ class FilterNode(LoopingNode):
             self._tool_poses, None, lambda: self.loop.hurry(),
         )  # fmt: skip
         self.inputs, self.outputs, self.loop = self.face.inputs, self.face.outputs, self.face.loop
-        self.inputs.declared = self.filter.scene.solids
+        self.inputs.obstacles.clouds.declared = self.filter.scene.solids
         self.face.draw_path(self._draw_markers)
 
     def _introduction(self) -> str:
@@ -102,7 +102,7 @@ class FilterNode(LoopingNode):
         self._worker.close()
 
     def _tick(self, periods: int) -> None:
-        self.inputs.tracking_error = self.filter.tracking.error
+        self.inputs.obstacles.clouds.tracking_error = self.filter.tracking.error
         inputs, output = self.face.cycle(self.cycle.run, self.cycle.stop)
         if output.trajectory is not None:
             self.outputs.publish_trajectory(*output.trajectory)

@@ -97,8 +97,8 @@ class PlannerFace:
         action = options.values.get("trajectory_action", "")
         self._trajectory_goals = TrajectoryGoals(node, action, self.inputs.refusals) if action else None
         self.outputs = PlannerOutputs(
-            node, options["base_frame"], subject.robot, command_topic, guarded, robot.joint_names, self.inputs.time,
-            subject.inputs.noun, self._trajectory_goals,
+            node, options["base_frame"], subject.robot, command_topic, guarded, robot.joint_names,
+            self.inputs.listener.time, subject.inputs.noun, self._trajectory_goals,
         )  # fmt: skip
         self._log = node.get_logger()
         self._said: dict[str, float] = {}
@@ -113,7 +113,7 @@ class PlannerFace:
         self.view: LatentPicture | None = None
         self._every(1.0, self._show_health, "/diagnostics")
         self._every(1.0, self._look_at_commands, "the search for other commanders")
-        self._every(1.0, self.inputs.look_at_publishers, "the look at who publishes obstacles")
+        self._every(1.0, self.inputs.obstacles.look_at_publishers, "the look at who publishes obstacles")
         # A plan takes longer than a joint state may be old.
         self._answering: tuple[BackgroundService, ...] = (
             BackgroundService(node, SetBool, "~/hold", self._on_hold, at_once=True),
@@ -319,8 +319,8 @@ class PlannerFace:
             self.inputs.ages(),
             refusals.counts,
             "; ".join(filter(None, (refusals.newest(1.0), *remarks.values()))),
-            self.inputs.cloud_figures(),
-            *self.inputs.take_obstacle_load(),
+            self.inputs.obstacles.clouds.figures,
+            *self.inputs.obstacles.take_load(),
         )
 
     def _look_at_commands(self) -> None:
@@ -333,7 +333,7 @@ class PlannerFace:
         assert self._plan is not None
         try:
             poses, verdict = self._plan(
-                *(_request_pose(request, end, frame, self.inputs.frames) for end in ("start", "goal"))
+                *(_request_pose(request, end, frame, self.inputs.listener.frames) for end in ("start", "goal"))
             )
         except MessageRefused as error:
             verdict = Refusal(VerdictCode.BAD_INPUT, str(error))
@@ -355,7 +355,7 @@ class PlannerFace:
         def clear() -> str:
             # First: what stopped for them must not set out.
             disarmed = self._disarm("~/clear_obstacles was called")
-            return f"{self.inputs.clear_obstacles()} obstacles forgotten" + ("; disarmed" if disarmed else "")
+            return f"{self.inputs.obstacles.clear()} obstacles forgotten" + ("; disarmed" if disarmed else "")
 
         return self.inputs.refusals.answer("~/clear_obstacles", response, clear)
 

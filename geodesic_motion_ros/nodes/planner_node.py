@@ -84,7 +84,7 @@ class PlannerNode(LoopingNode):
         )  # fmt: skip
         self._action = self._goal_action(values["block_timeout"])
         self.inputs, self.outputs, self.loop = self.face.inputs, self.face.outputs, self.face.loop
-        self.inputs.declared = self.planner.scene.solids
+        self.inputs.obstacles.clouds.declared = self.planner.scene.solids
         self.face.draw_path(self._draw_markers)
         self.face.draw_latent(lambda size: latent_view(self.planner, skill, size))
 
@@ -127,7 +127,7 @@ class PlannerNode(LoopingNode):
         self._worker.close()
 
     def _tick(self, periods: int) -> None:
-        self.inputs.tracking_error = self.planner.tracking.error
+        self.inputs.obstacles.clouds.tracking_error = self.planner.tracking.error
         inputs, output = self.face.cycle(self.cycle.run, self.cycle.stop)
         if self._sends_trajectories:
             if output.trajectory is not None:

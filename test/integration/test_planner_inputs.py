@@ -16,7 +16,7 @@ from visualization_msgs.msg import Marker, MarkerArray
 
 from geodesic_motion_ros.contract.status import Refusal, VerdictCode
 from geodesic_motion_ros.geometry.task_frame import TaskFrame
-from geodesic_motion_ros.nodes import planner_inputs
+from geodesic_motion_ros.nodes import listener
 from geodesic_motion_ros.nodes.planner_node import PlannerNode
 from geodesic_motion_ros.robot.kinematics import Robot
 
@@ -232,7 +232,7 @@ class TestOtherFrames:
                 return Refusal(VerdictCode.BAD_INPUT, f"no {source}")
 
         late = Late()
-        monkeypatch.setattr(planner_inputs, "frames_of", lambda *of: late)
+        monkeypatch.setattr(listener, "frames_of", lambda *of: late)
         return late
 
     def test_are_refused_until_their_transform_is_there(self, buffer, ready, skill, make_pose):

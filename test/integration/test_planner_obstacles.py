@@ -236,7 +236,7 @@ class TestObstacles:
         moving.wait(lambda: shown("solids") and shown("cloud"), "both among the markers")
         assert (shown("solids").type, shown("solids").scale.z) == (Marker.CUBE, 0.3)
         assert len(shown("cloud").points) == 2
-        figures = moving.planner.inputs.cloud_figures()
+        figures = moving.planner.inputs.obstacles.clouds.figures
         assert (figures.points, figures.out_of_reach, figures.not_finite) == (2, 1, 1)
 
 

@@ -121,7 +121,7 @@ def test_an_arm_in_the_cloud_does_not_stop_itself(bench, options, skill, start_j
     codes = [message.status[0].message.split()[0] for message in bench.heard["planner/status"]]
     after = codes[codes.index("OK") :]
     assert {code.rstrip(":") for code in after} == {"OK"}
-    figures = planner.inputs.cloud_figures()
+    figures = planner.inputs.obstacles.clouds.figures
     assert (figures.of_arm, figures.points) == (60 * len(SPHERES), 0)
     assert planner.inputs.refusals.counts == {}
     bench.wait(lambda: bench.health().get("cloud_points_of_arm") == str(figures.of_arm), "the figures of the cloud")
@@ -183,7 +183,7 @@ def test_a_ball_that_moves_is_known_with_its_velocity_and_what_stands_stands(ben
     assert np.min(np.linalg.norm(there.centres - place(now), axis=1)) < 0.05
     assert len(snapshot.obstacles.cloud.occupied) > 500
     # Where the first cloud showed it, it is remembered for a moment.
-    bench.wait(lambda: planner.inputs.cloud_figures().clusters == 1, "the ball alone")
+    bench.wait(lambda: planner.inputs.obstacles.clouds.figures.clusters == 1, "the ball alone")
 
 
 @pytest.mark.parametrize("padding", [0.02, 0.15], ids=["seen", "control: within the padding"])

@@ -46,7 +46,7 @@ def test_the_planner_knows_the_ball_by_the_twins_camera_and_not_the_arm(bench: B
     # Its points, and `obstacle_cloud_radius` around them; of the arm nothing is left.
     np.testing.assert_allclose(clusters()[:, :3], [CENTRE] * len(clusters()), atol=0.03)
     assert np.all(np.linalg.norm(clusters()[:, :3] - CENTRE, axis=1) + RADIUS < clusters()[:, 3] + 0.01)
-    figures = planner.inputs.cloud_figures()
+    figures = planner.inputs.obstacles.clouds.figures
     assert figures.of_arm > 300
     assert figures.clusters == 1
     cloud = bench.heard["obstacle_cloud"][-1]

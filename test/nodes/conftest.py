@@ -1,17 +1,21 @@
-"""A skill without training: one hidden unit per output, so that tests of the nodes' parts need no torch."""
+"""A skill without training, so that tests of the parts of nodes need no torch; and inputs that hear what they say."""
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from typing import Any
 from xml.etree import ElementTree
 
 import numpy as np
 import pytest
+import rclpy
 
 from geodesic_motion_ros.manifold.decoder import TaskSpaceDecoder
 from geodesic_motion_ros.manifold.pose_graph import MetricSettings
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.robot.urdf import read_urdf
 from geodesic_motion_ros.skill.skill import Skill
+from test.nodes.inputs_bench import Bench
 
 
 @pytest.fixture(scope="session")
@@ -55,3 +59,18 @@ def endless_robot(tmp_path_factory: pytest.TempPathFactory) -> Robot:
     path = tmp_path_factory.mktemp("robots") / "endless.urdf"
     path.write_text(ElementTree.tostring(root, encoding="unicode"))
     return Robot.from_urdf(path, "panda_link0", "panda_grasptarget")
+
+
+@pytest.fixture
+def node() -> Iterator[Any]:
+    context = rclpy.Context()
+    rclpy.init(context=context)
+    node = rclpy.create_node("listener", context=context)
+    yield node
+    node.destroy_node()
+    rclpy.try_shutdown(context=context)
+
+
+@pytest.fixture
+def bench(node) -> Bench:
+    return Bench(node)
