@@ -48,6 +48,17 @@ class PlayedTrajectory:
         """The places to which it takes the arm."""
         return self.certifier.sweep(self.reference)
 
+    @cached_property
+    def _knots(self) -> np.ndarray:
+        """The times (n,) of the knots [s].
+
+        A time near 1.8e9 s, as of today's clock, is a multiple of 0.24 us: the first of them that is not before the
+        knot.
+        """
+        knots = self.begin + self.reference.times
+        early = knots - self.begin < self.reference.times - SAME_TIME
+        return np.where(early, np.nextafter(knots, np.inf), knots)
+
     def switch_time(self, earliest: float) -> float:
         """Return when another trajectory takes over, at or after a time [s]: no nearer to the knot before than may be,
         and at a knot that would follow at once.
@@ -59,17 +70,10 @@ class PlayedTrajectory:
         return following if following > time + SAME_TIME else time
 
     def knot_before(self, time: float) -> float:
-        """Return the last knot at or before a time [s]; that time itself where the arm stands by then.
-
-        A time near 1.8e9 s, as of today's clock, is a multiple of 0.24 us: the first of them that is not before the
-        knot.
-        """
+        """Return the last knot at or before a time [s]; that time itself where the arm stands by then."""
         if time >= self.end:
             return time
-        knots = self.begin + self.reference.times
-        early = knots - self.begin < self.reference.times - SAME_TIME
-        knots = np.where(early, np.nextafter(knots, np.inf), knots)
-        return float(knots[max(0, int(np.searchsorted(knots, time, side="right")) - 1)])
+        return float(self._knots[max(0, int(np.searchsorted(self._knots, time, side="right")) - 1)])
 
     def state_at_switch(self, earliest: float, followed: FollowedPlan | None) -> MotionState:
         """Return in what state another trajectory takes over, at or after a time [s]; with a latent point where it is

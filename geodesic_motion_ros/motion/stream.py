@@ -65,12 +65,17 @@ class Stream:
             played = self._played_before
         return played.reference.sample(time - played.begin)
 
+    def moves(self, now: float) -> bool:
+        """Tell whether a motion is being played at `now` [s]."""
+        played = self.played
+        return played is not None and played.begin <= now < played.end
+
     def remaining_motion(self, now: float) -> tuple[JointReference, float] | None:
         """Return the rest of the motion that is being played, from its last knot at or before `now` [s] on, and the
         time of that knot; None where no motion is known, or it is over.
         """
         played = self.played
-        if played is None or not played.begin <= now < played.end:
+        if played is None or not self.moves(now):
             return None
         knot = played.knot_before(now)
         return played.reference.rest(knot - played.begin), knot

@@ -508,15 +508,16 @@ class PlannerCycle:
             return start
         self._begin_at(start.configuration, inputs.now)
         if start.configuration is not measured:
-            self._track(measured, inputs.now)
+            self._track(measured, self._sent_at(inputs.now), inputs.now)
         self._news = start.news
         return None
 
     def _sent_to_stand(self, inputs: CycleInputs) -> np.ndarray | None:
         """Where the arm was sent to rest (eta,) [rad]; None while it is sent to move."""
         commanded = self.planner.commanded_state(inputs.now)
-        over = commanded is not None and self.planner.remaining_motion(inputs.now) is None
-        return commanded[0] if over and not np.any(commanded[1]) else None
+        if commanded is None or self.planner.moves(inputs.now) or np.any(commanded[1]):
+            return None
+        return commanded[0]
 
     def _begin_at(self, configuration: np.ndarray, now: float) -> None:
         self._stand_at(configuration, now)
@@ -528,21 +529,23 @@ class PlannerCycle:
         self._standing = self.planner.stand_at(configuration, now)
         self._stood = self._stood or self._standing.verdict.ok
 
-    def _track(self, measured: np.ndarray, taken: float) -> None:
-        commanded = self.planner.commanded_state(taken)
-        assert commanded is not None  # otherwise the arm would just have begun
-        tracking = self._tracking.add(measured, commanded[0], taken)
+    def _sent_at(self, time: float) -> np.ndarray:
+        """Where an arm that has begun was sent to be (eta,) [rad]."""
+        commanded = self.planner.commanded_state(time)
+        assert commanded is not None
+        return commanded[0]
+
+    def _track(self, measured: np.ndarray, sent: np.ndarray, taken: float) -> None:
+        tracking = self._tracking.add(measured, sent, taken)
         # Since then the arm may have stood.
         unseen = max(0.0, max((age for _, age in self._ages), default=0.0) - FRESH)
         self.planner.set_tracking(replace(tracking, lag=tracking.lag + unseen))
 
-    def _deviation(self, measured: np.ndarray, taken: float) -> tuple[str, str] | None:
-        commanded = self.planner.commanded_state(taken)
-        assert commanded is not None  # otherwise the arm would just have begun
+    def _deviation(self, measured: np.ndarray, sent: np.ndarray) -> tuple[str, str] | None:
         robot = self.planner.robot
         if self._command_topic == "target_pose":
-            return pose_deviation(robot.forward(measured), robot.forward(commanded[0]), *self.tool_tolerance)
-        return joint_deviation(measured, commanded[0], robot.joint_names, self.tracking_tolerance)
+            return pose_deviation(robot.forward(measured), robot.forward(sent), *self.tool_tolerance)
+        return joint_deviation(measured, sent, robot.joint_names, self.tracking_tolerance)
 
     def _follow_measured(self, inputs: CycleInputs) -> Refusal | None:
         """Begin at the measured place, and again where an arm that was lost has come to rest; why nothing is planned,
@@ -561,10 +564,8 @@ class PlannerCycle:
             self._astray = None
             return refusal
         if self._astray is None:
-            commanded = self.planner.commanded_state(inputs.now - inputs.state_age)
-            assert commanded is not None  # otherwise the arm would just have begun
-            names = self.planner.robot.joint_names
-            deviation = joint_deviation(measured, commanded[0], names, self.tracking_tolerance)
+            sent, names = self._sent_at(inputs.now - inputs.state_age), self.planner.robot.joint_names
+            deviation = joint_deviation(measured, sent, names, self.tracking_tolerance)
             if deviation is None:
                 return None
             tool = self.planner.robot.forward(measured)[0]
@@ -588,8 +589,9 @@ class PlannerCycle:
         taken, deviation = inputs.now - inputs.state_age, None
         # What was commanded is not known of a time of another clock.
         if not self._arm.jump:
-            self._track(measured, taken)
-            deviation = self._deviation(measured, taken)
+            sent = self._sent_at(taken)
+            self._track(measured, sent, taken)
+            deviation = self._deviation(measured, sent)
         resting = self._sent_to_stand(inputs)
         self._drive.compare(self._sent_to_move(inputs) if resting is None else None)
         lost = self._heed(self._arm.lose(measured, deviation, self._drive.stalled))

@@ -346,6 +346,11 @@ class StreamingPlanner(ABC, Generic[Arm]):
         check_time("time", time)
         return self._stream.commanded_state(time)
 
+    def moves(self, now: float) -> bool:
+        """Tell whether a motion is being played at `now` [s]; PlanningError where that is no time."""
+        check_time("now", now)
+        return self._stream.moves(now)
+
     def remaining_motion(self, now: float) -> tuple[JointReference, float] | None:
         """Return the rest of the motion that is being played, from its last knot at or before `now` [s] on, and the
         time of that knot; None where no motion is known, or it is over. PlanningError where `now` is no time.

@@ -59,7 +59,7 @@ class JointReference:
     def is_finite(self) -> bool:
         """Whether all its numbers are finite: kernels compare, and a comparison with NaN is false."""
         knots = self.times, self.positions, self.velocities, self.accelerations
-        return all(np.all(np.isfinite(values)) for values in knots)
+        return all(np.isfinite(values).all() for values in knots)
 
     def sample(self, time: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Position [rad], velocity [rad/s] and acceleration [rad/s^2] at `time` [s], (eta,) each; constant after it."""
