@@ -19,7 +19,8 @@ from geodesic_motion_ros.motion.played import FollowedPlan
 from geodesic_motion_ros.motion.solver import Solver
 from geodesic_motion_ros.obstacles.obstacles import Obstacles
 from geodesic_motion_ros.planning.mission import GoalRequest
-from geodesic_motion_ros.queries.query import ArmGoal, ArmQuery, Query, QueryBuilder
+from geodesic_motion_ros.queries.query import ArmGoal, ArmQuery, Query
+from geodesic_motion_ros.queries.query_builder import QueryBuilder
 from geodesic_motion_ros.robot.collision_model import CollisionModel
 from geodesic_motion_ros.robot.held_objects import HeldObject
 

@@ -30,15 +30,8 @@ from geodesic_motion_ros.manifold.metric_field import MetricField
 from geodesic_motion_ros.manifold.node_body import NodeBody
 from geodesic_motion_ros.manifold.shortest_path import cost_field
 from geodesic_motion_ros.manifold.weighted_graph import WeightedGraph
-from geodesic_motion_ros.queries.query import (
-    AlongMeanPaths,
-    ArmQuery,
-    End,
-    EndName,
-    Goal,
-    QueryBuilder,
-    edges_in_scene,
-)
+from geodesic_motion_ros.queries.query import AlongMeanPaths, ArmQuery, End, EndName, Goal, edges_in_scene
+from geodesic_motion_ros.queries.query_builder import QueryBuilder
 from geodesic_motion_ros.queries.turns import in_turn_of
 from geodesic_motion_ros.robot.body_points import end_effector_poses
 from geodesic_motion_ros.robot.collision_model import CollisionModel, self_clearance

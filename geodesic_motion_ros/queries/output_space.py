@@ -17,7 +17,8 @@ from geodesic_motion_ros.geometry.pose import Pose
 from geodesic_motion_ros.geometry.quaternions import inverse, rotate
 from geodesic_motion_ros.queries.configuration_query import ConfigurationQueryBuilder
 from geodesic_motion_ros.queries.pose_query import PoseQueryBuilder
-from geodesic_motion_ros.queries.query import ArmQuery, QueryBuilder
+from geodesic_motion_ros.queries.query import ArmQuery
+from geodesic_motion_ros.queries.query_builder import QueryBuilder
 from geodesic_motion_ros.robot.body_points import end_effector_poses
 from geodesic_motion_ros.robot.collision_model import CollisionModel
 from geodesic_motion_ros.robot.kinematics import Robot, check_takes_poses, contiguous

@@ -30,16 +30,8 @@ from geodesic_motion_ros.manifold.transport import Offsets, blended
 from geodesic_motion_ros.manifold.weighted_graph import WeightedGraph
 from geodesic_motion_ros.queries.path_smoothing import correct_ends, resample_latent, smooth_latent
 from geodesic_motion_ros.queries.posture import Posture, lost_edges, solve_beside, solve_nodes, solve_path, swivel_steps
-from geodesic_motion_ros.queries.query import (
-    AlongMeanPaths,
-    ArmQuery,
-    End,
-    EndName,
-    Goal,
-    Query,
-    QueryBuilder,
-    edges_in_scene,
-)
+from geodesic_motion_ros.queries.query import AlongMeanPaths, ArmQuery, End, EndName, Goal, Query, edges_in_scene
+from geodesic_motion_ros.queries.query_builder import QueryBuilder
 from geodesic_motion_ros.robot.body_points import NO_POINTS
 from geodesic_motion_ros.robot.collision_model import CollisionModel
 from geodesic_motion_ros.robot.inverse_kinematics import solve
