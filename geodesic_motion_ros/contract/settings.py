@@ -90,7 +90,8 @@ EVASION_TARGETS = 4
 #: The directions of any two of them have no larger cosine than this.
 EVASION_COSINE = 0.7
 #: Where the search of a place on the graph failed, and an obstacle meets the arm within this time [s], the tool is
-#: displaced by up to so much [m], or the arm swivels by up to so much [rad].
+#: displaced by up to so much [m], or the arm swivels by up to so much [rad]; where that does not do, by up to twice as
+#: much.
 EVASION_DISPLACED_WITHIN, EVASION_DISPLACEMENT, EVASION_SWIVEL = 0.6, 0.15, 0.6
 #: So many of these targets are tried.
 EVASION_DISPLACED = 3

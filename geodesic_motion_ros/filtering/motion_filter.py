@@ -16,6 +16,7 @@ import numpy as np
 
 from geodesic_motion_ros.certification.declared_scene import DeclaredScene
 from geodesic_motion_ros.contract.mode import Purpose
+from geodesic_motion_ros.contract.requirement import Requirement
 from geodesic_motion_ros.contract.settings import SEARCH_PERIOD, PlannerSettings
 from geodesic_motion_ros.contract.status import Refusal, Verdict, VerdictCode
 from geodesic_motion_ros.filtering.offer import (
@@ -105,9 +106,9 @@ class MotionFilter(StreamingPlanner[FilteredArm]):
         # passes around.
         self._blocked_since = math.inf
         self._passed: Offer | None = None
-        # The last search of a place to make room that came to its end and found none; and what one that was out of time
-        # has tried.
-        self._not_evaded: PastSearch | None = None
+        # The last searches of a place to make room that came to their end and found none, by what is required there;
+        # and what one that was out of time has tried.
+        self._not_evaded: dict[Requirement, PastSearch] = {}
         self._workings = Workings()
         self._detour: tuple[Question, Job[Detour | Refusal]] | None = None
 
@@ -208,8 +209,11 @@ class MotionFilter(StreamingPlanner[FilteredArm]):
             return situation.begin_stop(Refusal(VerdictCode.NO_GOAL, "no trajectory has been given"))
         if situation.exceeds_limits and (slowed := situation.slowed()) is not None:
             return slowed
-        if followed is not None and _evades(situation) and _needs_no_other_place(situation):
-            return situation.go_on(followed.verdict)
+        if followed is not None and _evades(situation) and _is_free_for_now(situation):
+            assert situation.state.latent is not None
+            progress, tried = float(situation.state.latent[0]), self._attempted
+            farther = None if tried is None else self._evade(situation, offer, progress, tried[1])
+            return farther or situation.go_on(followed.verdict)
         follows = followed is not None and followed.query is offer
         stops = followed is None or followed.purpose is Purpose.STOP
         clearance = situation.remaining_clearance() if follows and not stops else None
@@ -289,28 +293,37 @@ class MotionFilter(StreamingPlanner[FilteredArm]):
         return replace(part, verdict=verdict.with_remark(f"it {share}brakes"))
 
     def _evade(self, situation: Situation, offer: Offer, progress: float, refusal: Refusal) -> Step | None:
-        """Make room for what comes to where a blocked arm rests, or evades to; None: it need not, or cannot."""
+        """Make room for what comes to where a blocked arm rests, or evades to; None: it need not, or cannot.
+
+        A place is searched to which nothing comes as long as is predicted; where there is none, and the arm is met
+        soon, one to which nothing comes soon.
+        """
         may_leave = self._recovers and (situation.at_rest or situation.is_evading) and situation.settings.avoidance
         blocked = refusal.code in (VerdictCode.NO_FEASIBLE_PATH, VerdictCode.IN_COLLISION)
-        if not (may_leave and blocked) or situation.obstacles.is_static or _needs_no_other_place(situation):
+        if not (may_leave and blocked) or situation.obstacles.is_static:
             return None
-        question = Question(offer, situation.obstacles)
-        if not is_due(self._not_evaded, question, situation.now, SEARCH_PERIOD):
-            return None
-        undisplaced, _ = self.robot.forward(offer.at(progress))
-        plan = evasion_beside(
-            self._arm.solver, np.array([progress]), situation.state, situation.expected_obstacles,
-            situation.stop.reference, undisplaced, self._reach, self._workings, situation.deadline,
-        )  # fmt: skip
-        if plan is None:
-            # One that was out of time is resumed by the next tick.
-            self._not_evaded = None if situation.deadline.passed else PastSearch(question, situation.now)
-            return None
-        self._not_evaded = None
-        refusal = refusal.with_figures(clearance=plan.verdict.figures.clearance)
-        plan = replace(plan, verdict=refusal.with_remark(EVADING))
-        begun = FollowedPlan.of(offer, plan, situation.obstacles, situation.now, Purpose.EVASION)
-        return situation.hand_out(plan, begun)
+        question, undisplaced = Question(offer, situation.obstacles), self.robot.forward(offer.at(progress))[0]
+        for required in (situation.requirements.evasion, situation.requirements.beside_graph):
+            if situation.satisfies_without_evasion(required):
+                return None
+            if not is_due(self._not_evaded.get(required), question, situation.now, SEARCH_PERIOD):
+                continue
+            plan = evasion_beside(
+                self._arm.solver, required, np.array([progress]), situation.state, situation.expected_obstacles,
+                situation.stop.reference, undisplaced, self._reach, self._workings, situation.deadline,
+            )  # fmt: skip
+            if plan is not None:
+                self._not_evaded.clear()
+                refusal = refusal.with_figures(clearance=plan.verdict.figures.clearance)
+                plan = replace(plan, verdict=refusal.with_remark(EVADING))
+                begun = FollowedPlan.of(offer, plan, situation.obstacles, situation.now, Purpose.EVASION)
+                return situation.hand_out(plan, begun)
+            if situation.deadline.passed:
+                # The next tick resumes it.
+                self._not_evaded.pop(required, None)
+                return None
+            self._not_evaded[required] = PastSearch(question, situation.now)
+        return None
 
     def _around(self, situation: Situation, offer: Offer, progress: float) -> Step | None:
         """Follow the detour that was found for an arm at rest, or have one searched, once it has been blocked for long
@@ -361,11 +374,12 @@ class MotionFilter(StreamingPlanner[FilteredArm]):
         return PreparedArm(arm, None, None)
 
     def _arm_taken(self, prepared: PreparedArm[FilteredArm]) -> None:
-        self._attempted = self._not_evaded = None
+        self._attempted = None
+        self._not_evaded.clear()
 
 
-def _needs_no_other_place(situation: Situation) -> bool:
-    """Whether no obstacle soon meets the arm where it rests, stops or makes room."""
+def _is_free_for_now(situation: Situation) -> bool:
+    """Whether no obstacle soon meets the arm where it makes room."""
     return situation.satisfies_without_evasion(situation.requirements.beside_graph)
 
 

@@ -85,7 +85,8 @@ def load_filter_kernels(motion_filter: MotionFilter) -> None:
     if motion_filter.may_detour:
         solver.find_detour(offer, start, 0.0, obstacles, _REACH)
         standing, (place, _) = JointReference.standing(start, offer.start_latent), motion_filter.robot.forward(start)
-        evasion_beside(solver, offer.start_latent, state, obstacles, standing, place, _REACH, Workings())
+        required = solver.requirements.evasion
+        evasion_beside(solver, required, offer.start_latent, state, obstacles, standing, place, _REACH, Workings())
 
 
 def _followed(planner: StreamingPlanner[Any], aim: Aim, plan: Plan, obstacles: Obstacles) -> Situation | None:

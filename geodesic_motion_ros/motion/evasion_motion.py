@@ -11,6 +11,7 @@ import numpy as np
 
 from geodesic_motion_ros.certification.arm_in_scene import ArmInScene
 from geodesic_motion_ros.contract import settings as constants
+from geodesic_motion_ros.contract.requirement import Requirement
 from geodesic_motion_ros.contract.status import Figures, Refusal, Verdict
 from geodesic_motion_ros.motion.motion_judge import MotionJudge
 from geodesic_motion_ros.motion.path_timer import JointCurve
@@ -46,7 +47,7 @@ def evasion_on_graph(
     """
     requirement = solver.requirements.evasion
     evaluation = solver.evaluation(query, obstacles.swept(requirement.horizon))
-    apart, tried = requirement.searched.of(), workings.evasions.pop("on_graph", 0)
+    apart, tried = requirement.searched.of(), workings.evasions.pop(requirement, 0)
     targets = (
         (begin, first, path)
         for begin, first in _begins(solver, state, obstacles, stop)
@@ -64,7 +65,7 @@ def evasion_on_graph(
             if not isinstance(figures, Refusal):
                 return Plan(solver.certifier.judge(whole, certificate), state.time, Verdict(figures=figures))
         if deadline.passed:
-            workings.evasions["on_graph"] = number
+            workings.evasions[requirement] = number
             return None
     return None
 
@@ -104,11 +105,13 @@ def evasion_beside_graph(
     if isinstance(configurations, Refusal):
         return None
     undisplaced, left = solver.robot.forward(configurations[0])[0], reach - query.displaced_at(progress)
-    return evasion_beside(solver, latent[0], state, obstacles, stop, undisplaced, left, workings, deadline)
+    required = solver.requirements.beside_graph
+    return evasion_beside(solver, required, latent[0], state, obstacles, stop, undisplaced, left, workings, deadline)
 
 
 def evasion_beside(
     judge: MotionJudge,
+    requirement: Requirement,
     latent: np.ndarray,
     state: MotionState,
     obstacles: Obstacles,
@@ -118,17 +121,17 @@ def evasion_beside(
     workings: Workings,
     deadline: Deadline = NEVER,
 ) -> Plan | None:
-    """Return a certified motion to a place beside where the arm is, to which no obstacle comes soon; None where none is
-    found in time. The next search resumes one that was out of time.
+    """Return a certified motion to a place beside where the arm is, to which no obstacle comes within the horizon of a
+    requirement; None where none is found in time. The next search resumes one that was out of time.
 
     latent : (d,) of the motion, which makes no progress. undisplaced, reach : no target is farther from this place (3,)
         of the tool [m]. stop, workings : as of `evasion_beside_graph`.
     """
-    seen, requirement = judge.seen_volume_beside(state.position[None]), judge.requirements.beside_graph
+    seen = judge.seen_volume_beside(state.position[None])
     swept = obstacles.swept(requirement.horizon).beside(judge.scene.solids)
     arm, apart = ArmInScene.of(judge.robot, judge.collision, swept, seen), requirement.searched.of()
     targets = displaced_paths(judge.robot, arm, state.position, undisplaced, reach, apart)
-    tried = workings.evasions.pop("beside", 0)
+    tried = workings.evasions.pop(requirement, 0)
     for number, curve in enumerate(islice(targets, tried, constants.EVASION_DISPLACED), tried + 1):
         reference = judge.time_along(state, JointCurve(curve, np.repeat(latent[None], len(curve), axis=0), 0.0))
         if not isinstance(reference, Refusal):
@@ -138,6 +141,6 @@ def evasion_beside(
                 verdict = Verdict(figures=Figures(clearance=float(np.min(certificate.clearance))))
                 return Plan(judge.certifier.judge(reference, certificate), state.time, verdict)
         if deadline.passed:
-            workings.evasions["beside"] = number
+            workings.evasions[requirement] = number
             return None
     return None

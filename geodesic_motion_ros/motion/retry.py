@@ -12,6 +12,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from geodesic_motion_ros.contract.requirement import Requirement
 from geodesic_motion_ros.contract.status import Refusal
 from geodesic_motion_ros.manifold.node_body import NodeBody
 from geodesic_motion_ros.motion.path_timer import JointCurve, PathTimer, TimedPath
@@ -85,13 +86,13 @@ class Workings:
     Attributes
     ----------
     begun : what a search has evaluated that was out of time; None: none was.
-    evasions : how many targets a search of an evasion has tried that was out of time, on the graph and beside it.
+    evasions : how many targets a search of an evasion of a requirement has tried that was out of time.
     timed_from : the query and the state of motion of `curves` and `motions`: the configurations of each path, and the
         motion along it, that were worked out.
     """
 
     begun: BegunSearch | None = None
-    evasions: dict[str, int] = field(default_factory=dict)
+    evasions: dict[Requirement, int] = field(default_factory=dict)
     timed_from: tuple[ArmQuery, MotionState] | None = None
     curves: dict[tuple[bytes, bool], JointCurve | Refusal] = field(default_factory=dict)
     motions: dict[tuple[bytes, bool, float, bool], TimedPath | Refusal] = field(default_factory=dict)

@@ -58,7 +58,7 @@ def displaced_paths(
 ) -> Iterator[np.ndarray]:
     """Return configurations (m, eta) of paths from one (eta,) that displace the tool straight, turned as it is, or
     swivel the arm about it: to evasion targets beside the graph, the shortest first, of those the one with most
-    clearance.
+    clearance; and then to targets that are farther, in steps twice as long.
 
     Parameters
     ----------
@@ -66,19 +66,20 @@ def displaced_paths(
     undisplaced : (3,) where the tool would be on the graph [m]; no target is farther from there than `reach` [m].
     """
     position, quaternion = robot.forward(start)
-    found = []
-    for number, (direction, swivel) in enumerate(_displacements(len(start))):
-        steps = constants.EVASION_DISPLACEMENT * np.arange(1, _STEPS + 1) / _STEPS
-        positions = position + steps[:, None] * direction
-        swivels = np.full(_STEPS, swivel * constants.EVASION_SWIVEL / _STEPS)
-        solved = solve_path(robot, positions, np.tile(quaternion, (_STEPS, 1)), start, swivels)
-        within = solved.reached & (np.linalg.norm(positions - undisplaced, axis=1) <= reach)
-        for step in range(int(np.argmin(np.append(within, False)))):
-            clearance = clearance_at(solved.configurations[step], arm, np.inf)
-            if clearance >= apart:
-                found.append((step, -clearance, number, solved.configurations[: step + 1]))
-    for _, _, _, configurations in sorted(found, key=lambda target: target[:3]):
-        yield np.concatenate([start[None], configurations])
+    for length in (1.0 / _STEPS, 2.0 / _STEPS):
+        found = []
+        for number, (direction, swivel) in enumerate(_displacements(len(start))):
+            steps = length * constants.EVASION_DISPLACEMENT * np.arange(1, _STEPS + 1)
+            positions = position + steps[:, None] * direction
+            swivels = np.full(_STEPS, length * constants.EVASION_SWIVEL * swivel)
+            solved = solve_path(robot, positions, np.tile(quaternion, (_STEPS, 1)), start, swivels)
+            within = solved.reached & (np.linalg.norm(positions - undisplaced, axis=1) <= reach)
+            for step in range(int(np.argmin(np.append(within, False)))):
+                clearance = clearance_at(solved.configurations[step], arm, np.inf)
+                if clearance >= apart:
+                    found.append((step, -clearance, number, solved.configurations[: step + 1]))
+        for _, _, _, configurations in sorted(found, key=lambda target: target[:3]):
+            yield np.concatenate([start[None], configurations])
 
 
 def _displacements(joints: int) -> list[tuple[np.ndarray, float]]:

@@ -10,6 +10,7 @@ import pytest
 from geodesic_motion_ros.certification.arm_clearance import obstacle_clearance
 from geodesic_motion_ros.certification.declared_scene import DeclaredScene
 from geodesic_motion_ros.contract.mode import Mode
+from geodesic_motion_ros.contract.settings import EVASION_DISPLACED_WITHIN
 from geodesic_motion_ros.contract.status import VerdictCode
 from geodesic_motion_ros.filtering.motion_filter import MotionFilter, Recovery
 from geodesic_motion_ros.obstacles.obstacles import Obstacles
@@ -371,7 +372,12 @@ def test_an_arm_that_waits_makes_room_for_what_comes_where_it_may_leave_its_path
         filtering.filter.observe(Obstacles.of_spheres(both, np.array([0.06, 0.04]), velocities, now))
 
     filtering.run(2.6, send)
-    said = [plan.verdict.reason for plan in filtering.plans]
-    assert any("evading what is coming" in reason for reason in said) == (recover == "detour")
+    evading = ["evading what is coming" in plan.verdict.reason for plan in filtering.plans]
+    assert any(evading) == (recover == "detour")
     assert (least_clearance(filtering.positions, centre, 0.04) > 0.0) == (recover == "detour")
     assert keeps_limits(filtering)
+    if recover == "detour":
+        # In good time: not only once the sphere would meet the arm soon.
+        soon = round(200 * EVASION_DISPLACED_WITHIN)
+        rest = filtering.positions[begun - 1]
+        assert least_clearance([rest], lambda _: centre(evading.index(True) + soon), 0.04) > 0.0
