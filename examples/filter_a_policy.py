@@ -27,7 +27,7 @@ def policy(joints: np.ndarray) -> np.ndarray:
 def sphere(now: float) -> Obstacles:
     """Return a sphere of 6 cm that crosses the path of the hand, as a tracker sees it at a time [s]."""
     place, velocity = np.array([[0.6, 0.0, 0.9 - 0.2 * now]]), np.array([[0.0, 0.0, -0.2]])
-    return Obstacles.of_spheres(place, np.array([0.06]), velocity, time=now)
+    return Obstacles.of_spheres(place, [0.06], velocity, time=now)
 
 
 def play(filtered: bool, seconds: float = 8.0) -> tuple[np.ndarray, np.ndarray]:
@@ -38,9 +38,9 @@ def play(filtered: bool, seconds: float = 8.0) -> tuple[np.ndarray, np.ndarray]:
     for tick in range(int(seconds / TICK)):
         now, seen = tick * TICK, sphere(tick * TICK)
         if tick % 25 == 0:  # four chunks a second; each begins where the arm is, and the next one comes before it ends
-            motion_filter.offer(np.arange(1, CHUNK + 1) / FREQUENCY, policy(joints), begin=now)
+            answer = motion_filter.offer(np.arange(1, CHUNK + 1) / FREQUENCY, policy(joints), begin=now)
         motion_filter.observe(seen if filtered else Obstacles.none())
-        verdict = motion_filter.tick(now).verdict
+        verdict = motion_filter.tick(now).verdict if answer.ok else answer
         joints, _, _ = motion_filter.commanded_state(now + TICK)  # send these to your arm
         if filtered and verdict.code.name != said:
             said = verdict.code.name

@@ -15,7 +15,7 @@ from geodesic_motion_ros import DeclaredScene, MotionFilter, Obstacles
 from geodesic_motion_ros.certification.arm_clearance import obstacle_clearance
 
 START, DRIFT = np.array([-0.4, 0.3, 0.0, -1.8, 0.0, 2.1, 0.8]), 0.004 * (np.arange(7) == 0)
-SPHERE = Obstacles.of_spheres(np.array([[0.55, 0.1, 0.45]]), np.array([0.08]))
+SPHERE = Obstacles.of_spheres([[0.55, 0.1, 0.45]], [0.08])
 
 
 class CertifiedArm:

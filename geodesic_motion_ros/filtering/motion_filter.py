@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 from functools import partial
-from typing import Any, Literal
+from typing import Any, Literal, get_args
 
 import numpy as np
 
@@ -86,6 +86,10 @@ class MotionFilter(StreamingPlanner[FilteredArm]):
         ------
         ParameterError : an arm is to pass around, and no scene is known.
         """
+        if recover not in get_args(Recovery):
+            raise ParameterError(f"recover = {recover!r}: expected one of {', '.join(get_args(Recovery))}")
+        if not (scene is None or isinstance(scene, DeclaredScene)):
+            raise ParameterError(f"scene = {scene!r}: a DeclaredScene is needed, as DeclaredScene.from_name finds it")
         if recover == "detour" and scene is None:
             raise ParameterError(
                 "recover = detour: declare what stands around the arm as its scene, an empty one where nothing does"
@@ -95,9 +99,9 @@ class MotionFilter(StreamingPlanner[FilteredArm]):
             settings = PlannerSettings(speed_scale=named.largest_speed_scale, acceleration_scale=1.0)
         model, known = collision or CollisionModel.named(robot), scene or DeclaredScene.empty()
         super().__init__(FilteredArm.of(named, model, settings, known), named, scene, _PROGRESS)
-        # The newest offer; and the one that is played, as long as the newest has not begun. None: there is none.
-        self._newest: Offer | None = None
+        # The offer that is played, None: there is none; and those that have not begun, in the order in which they do.
         self._active: Offer | None = None
+        self._waiting: tuple[Offer, ...] = ()
         self._recovers = recover == "detour"
         self._worker = detours or Worker(DETOUR_DELAY)
         # The last attempt to play the active offer, and why it failed.
@@ -138,17 +142,27 @@ class MotionFilter(StreamingPlanner[FilteredArm]):
         """
         if isinstance(offer, Refusal):
             return offer
-        objection = self._joining_objection(offer)
+        objection, state = self._joining_objection(offer), self.commanded_state(self._soonest(offer))
+        if objection and state is not None and self.robot.is_continuous.any():
+            # Whoever counts turns otherwise means the same places.
+            offer = offer.in_turn(self.robot, state[0])
+            objection = self._joining_objection(offer)
         if objection:
             return Refusal(VerdictCode.BAD_INPUT, objection)
-        self._newest = offer
+        before = () if offer.begin is None else (one for one in self._waiting if _begins_before(one, offer.begin))
+        self._waiting = (*before, offer)
         return Verdict(reason=f"a trajectory of {offer.duration:.2f} s" if offer.duration else "a target")
 
+    def _soonest(self, offer: Offer) -> float:
+        """When an offer can be joined [s]."""
+        soonest = self._ticked + self.latency
+        return soonest if offer.begin is None else max(soonest, offer.begin)
+
     def _joining_objection(self, offer: Offer) -> str:
-        """Why an offer cannot be joined now; "" where it can."""
-        at = self._ticked + self.latency
+        """Why an offer cannot be joined; "" where it can."""
+        at = self._soonest(offer)
         if offer.begin is not None:
-            if offer.begin + offer.duration <= at:
+            if offer.begin + offer.duration <= self._ticked + self.latency:
                 late = self._ticked - offer.begin - offer.duration
                 over = f"was over {late:.2f} s ago" if late > 0.0 else "is over before the arm could join it"
                 return f"the trajectory {over}"
@@ -159,7 +173,7 @@ class MotionFilter(StreamingPlanner[FilteredArm]):
         if state is None:
             return "where the arm stands is not known yet"
         position, velocity, _ = state
-        progress = self._joined_at(offer, position, velocity, at)
+        progress = 0.0 if at == offer.begin else self._joined_at(offer, position, velocity, at)
         return joining_objection(self.robot, self.limits, offer, position, progress)
 
     def _joined_at(self, offer: Offer, position: np.ndarray, velocity: np.ndarray, time: float) -> float:
@@ -177,15 +191,15 @@ class MotionFilter(StreamingPlanner[FilteredArm]):
 
     def clear_goal(self) -> None:
         """Forget the trajectory that is played: the arm comes to rest along it."""
-        self._newest = self._active = None
+        self._active, self._waiting = None, ()
 
     # ------------------------------------------------------------------ ticks
 
     def _decide(self, situation: Situation) -> Plan:
-        before, newest = (self._active, self._attempted), self._newest
-        if newest is not None and (newest.begin is None or situation.state.time >= newest.begin - TIME_ROUNDING):
-            waits = _evades(situation) or (newest.ends_in_motion and self._passes_around(situation))
-            self._active = self._active if waits else newest
+        before, time = (self._active, self._attempted, self._waiting), situation.state.time
+        begun = [offer for offer in self._waiting if _begins_before(offer, time + TIME_ROUNDING)]
+        if begun and not (_evades(situation) or (begun[-1].ends_in_motion and self._passes_around(situation))):
+            self._active, self._waiting = begun[-1], self._waiting[len(begun) :]
         step = self._step(situation)
         free = step.plan.verdict.ok or step.plan.verdict.code is VerdictCode.NO_GOAL
         self._blocked_since = math.inf if free else min(self._blocked_since, situation.now)
@@ -201,9 +215,8 @@ class MotionFilter(StreamingPlanner[FilteredArm]):
     def _step(self, situation: Situation) -> Step:
         """What is played from now on."""
         offer, followed = self._active, situation.followed
-        if offer is None and self._newest is not None:
-            assert self._newest.begin is not None
-            wait = self._newest.begin - situation.state.time
+        if offer is None and self._waiting and self._waiting[0].begin is not None:
+            wait = self._waiting[0].begin - situation.state.time
             return situation.begin_stop(Refusal(VerdictCode.NO_GOAL, f"the trajectory begins in {wait:.1f} s"))
         if offer is None:
             return situation.begin_stop(Refusal(VerdictCode.NO_GOAL, "no trajectory has been given"))
@@ -359,12 +372,14 @@ class MotionFilter(StreamingPlanner[FilteredArm]):
         return None
 
     def _stop(self, situation: Situation, verdict: Refusal) -> Plan:
-        return self._commit_step(situation, situation.begin_stop(verdict), (self._active, self._attempted))
+        return self._commit_step(
+            situation, situation.begin_stop(verdict), (self._active, self._attempted, self._waiting)
+        )
 
     # ------------------------------------------------- what depends on where the arm is
 
     def _take_aim_back(self, aim: Any) -> None:
-        self._active, self._attempted = aim
+        self._active, self._attempted, self._waiting = aim
 
     def _stands_anew(self) -> None:
         self.clear_goal()
@@ -376,6 +391,11 @@ class MotionFilter(StreamingPlanner[FilteredArm]):
     def _arm_taken(self, prepared: PreparedArm[FilteredArm]) -> None:
         self._attempted = None
         self._not_evaded.clear()
+
+
+def _begins_before(offer: Offer, time: float) -> bool:
+    """Whether an offer begins at once, or before a time [s]."""
+    return offer.begin is None or offer.begin < time
 
 
 def _is_free_for_now(situation: Situation) -> bool:

@@ -14,7 +14,7 @@ from geodesic_motion_ros.queries.round_frame import RoundFrame
 from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.robot.limits import JointLimits
 from geodesic_motion_ros.trajectory.trajectory import PERIOD, interpolated
-from geodesic_motion_ros.utils.checked_numbers import real_array
+from geodesic_motion_ros.utils.checked_numbers import check_time, real_array
 from geodesic_motion_ros.utils.errors import PlanningError
 
 #: Two points between which a joint would move faster than its limit by this factor are a jump: anything slower is only
@@ -22,6 +22,8 @@ from geodesic_motion_ros.utils.errors import PlanningError
 JUMP_FACTOR = 2.0
 #: An offer that begins farther than this [rad] from where the arm is to be then is a jump as well.
 LARGEST_JUMP = 0.3
+#: A place of an offer is about as near as another one where the arm comes to it no later than so much [s].
+ABOUT_AS_NEAR = 0.01
 #: An offer that lasts longer [s] is none that a person waits for; what is drawn of it would fill the memory.
 LONGEST = 600.0
 #: An offer that begins so much later [s] is of another clock.
@@ -86,6 +88,12 @@ class Offer:
         """Whether it is a chunk, which others will continue."""
         return bool(np.max(np.abs(self.end_velocity)) > ENDS_AT_REST)
 
+    def in_turn(self, robot: Robot, position: np.ndarray) -> Offer:
+        """Return it with continuous joints in the turn in which its first point is nearest to a position (eta,) [rad].
+        """
+        turned = robot.nearest_turn(self.positions[0], position) - self.positions[0]
+        return Offer(self.times, self.positions + turned, self.velocities, self.begin)
+
     def ends_like(self, other: Offer) -> bool:
         """Whether another one leads to about the same place."""
         return bool(np.max(np.abs(self.positions[-1] - other.positions[-1])) <= SAME_END)
@@ -145,11 +153,13 @@ class Offer:
         return interpolated(np.array([progress]), times, positions)[0]
 
     def nearest(self, position: np.ndarray, limits: JointLimits) -> float:
-        """Return the time [s] of its place that the arm comes to soonest at full speed from a position (eta,) [rad]."""
+        """Return the time [s] of its place that the arm comes to soonest at full speed from a position (eta,) [rad]; of
+        places that are about as near, within `ABOUT_AS_NEAR`, the first: a path may come back.
+        """
         times, positions = self.points
         if len(times) == 1:
             return float(times[0])
-        piece, share = _nearest_on(positions / limits.velocity, position / limits.velocity)
+        piece, share = _nearest_on(positions / limits.velocity, position / limits.velocity, ABOUT_AS_NEAR)
         return float(times[piece] + share * (times[piece + 1] - times[piece]))
 
     def before_first(self, position: np.ndarray, velocity: np.ndarray, limits: JointLimits) -> float:
@@ -165,10 +175,13 @@ class Offer:
 
 
 @numba.njit(cache=True, nogil=True)
-def _nearest_on(path: np.ndarray, place: np.ndarray) -> tuple[int, float]:
-    """The piece of a polyline (n, d) that is nearest to a place (d,), the first of several, and the share of it."""
-    nearest, piece, along = math.inf, 0, 0.0
-    for i in range(len(path) - 1):
+def _nearest_on(path: np.ndarray, place: np.ndarray, about: float) -> tuple[int, float]:
+    """The piece of a polyline (n, d) that is nearest to a place (d,), and the share of it: the first that is no farther
+    than the nearest of all by more than `about`, or of those that follow on it as long as they are nearer.
+    """
+    pieces = len(path) - 1
+    distances, shares = np.empty(pieces), np.empty(pieces)
+    for i in range(pieces):
         ahead, length = 0.0, 0.0
         for j in range(len(place)):
             step = path[i + 1, j] - path[i, j]
@@ -177,9 +190,13 @@ def _nearest_on(path: np.ndarray, place: np.ndarray) -> tuple[int, float]:
         apart = 0.0
         for j in range(len(place)):
             apart += (place[j] - path[i, j] - share * (path[i + 1, j] - path[i, j])) ** 2
-        if apart < nearest:
-            nearest, piece, along = apart, i, share
-    return piece, along
+        distances[i], shares[i] = math.sqrt(apart), share
+    within, piece = np.min(distances) + about, 0
+    while distances[piece] > within:
+        piece += 1
+    while piece + 1 < pieces and distances[piece + 1] < distances[piece]:
+        piece += 1
+    return piece, shares[piece]
 
 
 def checked_offer(robot: Robot, limits: JointLimits, request: OfferRequest) -> Offer | Refusal:
@@ -192,10 +209,14 @@ def checked_offer(robot: Robot, limits: JointLimits, request: OfferRequest) -> O
         at = real_array("times", request.times, ("m",))
         where = real_array("positions", request.positions, ("m", joints))
         speeds = None if given is None else real_array("velocities", given, ("m", joints))
+        if begin is not None:
+            check_time("begin", begin)
     except PlanningError as error:
         return _refused(str(error))
-    objection = _shape_objection(at, where, speeds) or _number_objection(robot, at, where, speeds, begin)
-    objection = objection or _limit_objection(robot, limits, at, where) or _speed_objection(robot, limits, speeds)
+    objection = _shape_objection(at, where, speeds) or _number_objection(robot, at, where, speeds)
+    if not objection:
+        where = robot.unwrapped(where)
+        objection = _limit_objection(robot, limits, at, where) or _speed_objection(robot, limits, speeds)
     return _refused(objection) if objection else Offer(at, where, speeds, begin)
 
 
@@ -208,11 +229,7 @@ def _shape_objection(at: np.ndarray, where: np.ndarray, speeds: np.ndarray | Non
     return ""
 
 
-def _number_objection(
-    robot: Robot, at: np.ndarray, where: np.ndarray, speeds: np.ndarray | None, begin: float | None
-) -> str:
-    if begin is not None and not np.isfinite(begin):
-        return f"the trajectory begins at {begin} s"
+def _number_objection(robot: Robot, at: np.ndarray, where: np.ndarray, speeds: np.ndarray | None) -> str:
     for name, values in (("position", where), ("velocity", speeds)):
         wrong = np.empty((0, 2), dtype=int) if values is None else np.argwhere(~np.isfinite(values))
         for point, joint in wrong[:1]:

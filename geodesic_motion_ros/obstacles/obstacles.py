@@ -11,7 +11,7 @@ import numpy as np
 
 from geodesic_motion_ros.geometry.distance_field import DistanceField, field_distances
 from geodesic_motion_ros.geometry.shapes import NUMBERS, no_solids, solid_distances, solid_rows, solids_moved
-from geodesic_motion_ros.utils.checked_numbers import LARGEST_NUMBER, check_time
+from geodesic_motion_ros.utils.checked_numbers import LARGEST_NUMBER, check_time, real_array
 from geodesic_motion_ros.utils.errors import PlanningError
 
 #: How far a rotation of a solid may be from one.
@@ -68,11 +68,23 @@ class Obstacles:
 
     @classmethod
     def of_spheres(
-        cls, centres: np.ndarray, radii: np.ndarray, velocities: np.ndarray | None = None, time: float = 0.0
+        cls, centres: object, radii: object, velocities: object = None, time: float | None = None
     ) -> Obstacles:
-        """Spheres alone, standing still where no velocities are given."""
-        velocities = np.zeros_like(centres) if velocities is None else velocities
-        return cls(centres, radii, velocities, no_solids(), np.empty((0, 3)), DistanceField.none(), time)
+        """Spheres alone, centres (o, 3) and radii (o,) [m], which stand where no velocities (o, 3) [m/s] are given.
+
+        time : when they are there [s], by the clock that tells whoever takes them the time; 0 where none moves.
+
+        Raises
+        ------
+        PlanningError : names what is no array of numbers of that shape; or some move, and no time is given.
+        """
+        places, sizes = real_array("obstacle centres", centres, ("o", 3)), real_array("radii", radii, ("o",))
+        given = np.zeros_like(places) if velocities is None else velocities
+        speeds = real_array("obstacle velocities", given, ("o", 3))
+        if time is None and speeds.any():
+            raise PlanningError("obstacles move, and the time [s] at which they are there is not given")
+        at = 0.0 if time is None else time
+        return cls(places, sizes, speeds, no_solids(), np.empty((0, 3)), DistanceField.none(), at)
 
     @classmethod
     def of_cloud(
@@ -132,6 +144,16 @@ class Obstacles:
         if cloud.squares.size and np.any(field_distances(centres, *cloud) <= radii):
             cloud = DistanceField.none()
         return self._only(np.all(spheres, axis=0), np.array(solids, dtype=bool), cloud)
+
+    def as_floats(self) -> Obstacles:
+        """With arrays of doubles, row by row, as kernels are compiled for."""
+        arrays = {name: getattr(self, name) for name in _SHAPES}
+        other: dict[str, Any] = {
+            name: np.ascontiguousarray(array, dtype=float)
+            for name, array in arrays.items()
+            if array.dtype != float or not array.flags.c_contiguous
+        }
+        return replace(self, **other) if other else self
 
     def objection(self) -> str:
         """What is wrong with the time, a shape, or the first obstacle that is not one; or ''."""

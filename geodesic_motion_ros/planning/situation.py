@@ -259,9 +259,9 @@ class Situation:
         reference = plan.trajectory.reference
         standing = JointReference.standing(reference.positions[-1], reference.latent[-1])
         if self._is_met_at_end(self.certifier.sweep(standing), reference.duration):
-            reason = "at the end of the best path an obstacle would soon meet the arm"
+            reason = "where the motion ends an obstacle would soon meet the arm"
         elif not self._may_follow_plan(plan, self.limits):
-            reason = "on the best path the arm could not stop any more where what moves may come to a stand"
+            reason = "on the motion the arm could not stop any more where what moves may come to a stand"
         else:
             return plan
         return Plan(None, plan.begin, Refusal(VerdictCode.NO_FEASIBLE_PATH, reason, plan.verdict.figures))

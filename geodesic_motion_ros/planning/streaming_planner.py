@@ -36,7 +36,7 @@ from geodesic_motion_ros.robot.kinematics import Robot
 from geodesic_motion_ros.robot.limits import JointLimits
 from geodesic_motion_ros.trajectory.timing import load_references
 from geodesic_motion_ros.trajectory.trajectory import JointReference
-from geodesic_motion_ros.utils.checked_numbers import LARGEST_NUMBER, check_number, check_time, real_array
+from geodesic_motion_ros.utils.checked_numbers import LARGEST_NUMBER, check_number, check_time
 from geodesic_motion_ros.utils.deadline import NEVER, Deadline
 from geodesic_motion_ros.utils.errors import PlanningError, RobotError
 
@@ -147,19 +147,18 @@ class StreamingPlanner(ABC, Generic[Arm]):
     # ---------------------------------------------------------------- inputs
 
     def set_obstacles(
-        self, centres: np.ndarray, radii: np.ndarray, velocities: np.ndarray | None = None, time: float = 0.0
+        self, centres: object, radii: object, velocities: object = None, time: float | None = None
     ) -> Verdict:
-        """Replace all obstacles by spheres, centres (o, 3), radii (o,) [m] and velocities (o, 3) [m/s] at `time` [s].
+        """Replace all obstacles by spheres, centres (o, 3), radii (o,) [m] and velocities (o, 3) [m/s] at `time` [s],
+        which those that stand do not need.
 
         BAD_INPUT names what has another shape, the first obstacle that is not finite or has no positive radius, or a
         time that is none; then the old ones stay.
         """
         try:
-            centres, radii = real_array("obstacle centres", centres, ("o", 3)), real_array("radii", radii, ("o",))
-            velocities = None if velocities is None else real_array("obstacle velocities", velocities, ("o", 3))
+            return self.take_obstacles(Obstacles.of_spheres(centres, radii, velocities, time))
         except PlanningError as error:
             return Refusal(VerdictCode.BAD_INPUT, str(error))
-        return self.take_obstacles(Obstacles.of_spheres(centres, radii, velocities, time))
 
     @property
     def obstacles(self) -> Obstacles:
@@ -171,10 +170,12 @@ class StreamingPlanner(ABC, Generic[Arm]):
 
         BAD_INPUT names the first obstacle that is not valid; then the old ones stay.
         """
+        if not isinstance(obstacles, Obstacles):
+            return Refusal(VerdictCode.BAD_INPUT, f"obstacles are {obstacles!r:.60}: Obstacles are needed")
         objection = obstacles.objection()
         if objection:
             return Refusal(VerdictCode.BAD_INPUT, objection)
-        self._inputs = self._inputs.with_obstacles(obstacles, self._ticked)
+        self._inputs = self._inputs.with_obstacles(obstacles.as_floats(), self._ticked)
         return Verdict()
 
     @property
@@ -375,7 +376,8 @@ class StreamingPlanner(ABC, Generic[Arm]):
         played, and the next tick decides again. To be called before anything else is done.
         """
         self._stream, self._earlier_limits, aim = self._before
-        self._take_aim_back(aim)
+        if aim is not None:
+            self._take_aim_back(aim)
 
     def tick(self, now: float, deadline: Deadline = NEVER, handover_deadline: Deadline = NEVER) -> Plan:
         """Make one step of the stream at `now` [s]: return what is to be played from `Plan.begin` on, and the verdict.

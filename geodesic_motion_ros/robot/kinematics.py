@@ -145,6 +145,12 @@ class Robot:
         turns = np.round((reference - joint_positions) / (2.0 * np.pi))
         return np.where(self.is_continuous, joint_positions + 2.0 * np.pi * turns, joint_positions)
 
+    def unwrapped(self, path: np.ndarray) -> np.ndarray:
+        """Joint positions (m, n) with continuous joints turned by whole turns, each as near as can be to the one before
+        [rad].
+        """
+        return np.where(self.is_continuous, np.unwrap(path, axis=0), path) if self.is_continuous.any() else path
+
     @cached_property
     def is_continuous(self) -> np.ndarray:
         """(n,) bool: which joints turn without an end."""

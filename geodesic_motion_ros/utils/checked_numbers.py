@@ -37,7 +37,7 @@ steps that derivatives are taken over drown in rounding."""
 def real_array(
     name: str, value: object, shape: tuple[int | str, ...], error: type[GeodesicMotionError] = PlanningError
 ) -> np.ndarray:
-    """Copy what a caller gives as an array of floats, and refuse what is none of its shape.
+    """Copy what a caller gives as an array of floats, row by row, and refuse what is none of its shape.
 
     Parameters
     ----------
@@ -45,6 +45,8 @@ def real_array(
     error : raised with the name, what is wrong, and what would be right.
     """
     wanted = f"({', '.join(map(str, shape))}{',' if len(shape) == 1 else ''})"
+    if np.ma.is_masked(value):
+        raise error(f"{name} has masked values: numbers of shape {wanted} are needed")
     try:
         array = np.asarray(value)
     except (TypeError, ValueError, RuntimeError) as cause:  # lists of several lengths; tensors with a gradient
@@ -56,7 +58,7 @@ def real_array(
     fits = (isinstance(length, str) or length == here for length, here in zip(shape, array.shape, strict=False))
     if array.ndim != len(shape) or not all(fits):
         raise error(f"{name} has shape {array.shape}: expected {wanted}")
-    return array.astype(float)
+    return np.array(array, dtype=float, order="C")
 
 
 def check_number(

@@ -60,7 +60,7 @@ def scene(seed: int) -> tuple[JointReference, Obstacles]:
     reference = timed_joint_reference(path, np.zeros((30, 1)), LIMITS)
     centres = random.uniform([-0.2, -0.6, 0.0], [0.8, 0.6, 1.0], (4, 3))
     velocities = random.normal(scale=0.5, size=(4, 3))
-    return reference, Obstacles.of_spheres(centres, random.uniform(0.02, 0.15, 4), velocities)
+    return reference, Obstacles.of_spheres(centres, random.uniform(0.02, 0.15, 4), velocities, time=0.0)
 
 
 def placed_at(reference: JointReference, times: np.ndarray) -> np.ndarray:
@@ -170,7 +170,7 @@ def test_what_comes_to_where_the_arm_stands_at_the_end_is_counted_to_the_horizon
     short = reference.rest(reference.duration - 0.05)
     hand = placed_at(short, np.array([short.duration]))[0, -1]
     coming = Obstacles.of_spheres(
-        (hand + [0.0, 0.0, 1.0])[None], np.array([0.05]), np.array([[0.0, 0.0, -1.0 / HORIZON]])
+        (hand + [0.0, 0.0, 1.0])[None], np.array([0.05]), np.array([[0.0, 0.0, -1.0 / HORIZON]]), time=0.0,
     )
     assert np.min(CERTIFIER.certify(short, coming, HORIZON).clearance) > 0.1
     assert np.min(CERTIFIER.certify(short, coming, HORIZON, stand_after_horizon=False).clearance) < -0.05
@@ -299,8 +299,8 @@ def test_an_obstacle_that_moves_away_is_passed_and_one_that_comes_is_not():
     reference, _ = scene(5)
     hand = placed_at(reference, reference.times[[-1]])[0, -1]
     outwards = np.array([0.0, 0.0, 1.0])
-    leaving = Obstacles.of_spheres((hand + 0.1 * outwards)[None], np.array([0.05]), 1.0 * outwards[None])
-    coming = Obstacles.of_spheres((hand + 0.4 * outwards)[None], np.array([0.05]), -1.0 * outwards[None])
+    leaving = Obstacles.of_spheres((hand + 0.1 * outwards)[None], np.array([0.05]), 1.0 * outwards[None], time=0.0)
+    coming = Obstacles.of_spheres((hand + 0.4 * outwards)[None], np.array([0.05]), -1.0 * outwards[None], time=0.0)
     standing = Obstacles.of_spheres(coming.centres, coming.radii)
     assert certified(reference, leaving).clearance[-1] > 0.1
     assert certified(reference, standing).clearance[-1] > 0.1
@@ -313,7 +313,7 @@ def test_a_prediction_ends_at_its_horizon():
     far, velocity = hand + np.array([0.0, 0.0, 1.0]), np.array([[0.0, 0.0, -2.0]])
 
     def clearance(centre: np.ndarray, horizon: float) -> float:
-        sphere = Obstacles.of_spheres(centre[None], np.array([0.05]), velocity)
+        sphere = Obstacles.of_spheres(centre[None], np.array([0.05]), velocity, time=0.0)
         return CERTIFIER.certify(reference, sphere, horizon).clearance[-1]
 
     assert reference.duration > 0.5
@@ -435,7 +435,7 @@ def test_an_arm_that_touches_what_moves_may_leave_it(by, speed, standing, may):
     centres, velocities = [hand - [0.0, beside, 0.0]], [[0.0, speed, 0.0]]
     if standing is not None:
         centres, velocities = [*centres, hand + beside * np.array([0.0, *standing])], [*velocities, [0.0, 0.0, 0.0]]
-    obstacles = Obstacles.of_spheres(np.array(centres), np.full(len(centres), 0.05), np.array(velocities))
+    obstacles = Obstacles.of_spheres(np.array(centres), np.full(len(centres), 0.05), np.array(velocities), time=0.0)
     stop, swept = JointReference.standing(ROBOT.ready, np.zeros(1)), CERTIFIER.sweep(turning(by))
     assert CERTIFIER.assess(swept, obstacles, required)[1]
     assert (CERTIFIER.assess_leaving(swept, obstacles, required, stop)[1] == "") is may
@@ -453,7 +453,7 @@ def test_an_arm_that_leaves_what_moves_is_never_deeper_in_it_than_if_it_had_stop
         direction /= np.linalg.norm(direction)
         radius, speed = random.uniform(0.02, 0.08), random.uniform(0.02, 0.3)
         touching = hand - (RADII[-1] + radius - random.uniform(0.001, 0.02)) * direction
-        obstacles = Obstacles.of_spheres(touching[None], np.array([radius]), speed * direction[None])
+        obstacles = Obstacles.of_spheres(touching[None], np.array([radius]), speed * direction[None], time=0.0)
         if CERTIFIER.assess_leaving(CERTIFIER.sweep(reference), obstacles, required, stop)[1]:
             continue
         left += 1
@@ -472,7 +472,7 @@ def test_a_trajectory_has_the_certificate_of_every_interval_and_of_the_time_at_r
     reference, _ = scene(0)
     end = placed_at(reference, reference.times[-1:])[0, -1]
     after = reference.duration + 0.25
-    coming = Obstacles.of_spheres(end[None] - [0.0, 0.0, 2.0 * after], np.array([0.05]), np.array([[0.0, 0.0, 2.0]]))
+    coming = Obstacles.of_spheres(end[None] - [0.0, 0.0, 2.0 * after], [0.05], [[0.0, 0.0, 2.0]], 0.0)
     swept = CERTIFIER.sweep(reference)
     for lasting, horizon, hit in ((swept.stand_until(after), after, True), (swept, reference.duration, False)):
         certificate = CERTIFIER.certify_swept(lasting, coming, horizon, stand_after_horizon=False)

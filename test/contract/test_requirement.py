@@ -83,7 +83,7 @@ def test_a_margin_is_required_among_what_moves_and_not_to_go_on() -> None:
     requirements = Requirements.of(replace(SETTINGS, obstacle_margin=0.005))
     required = requirements.goal
     standing = Obstacles.of_spheres(np.zeros((1, 3)), np.array([0.1]))
-    moving = Obstacles.of_spheres(np.zeros((1, 3)), np.array([0.1]), np.array([[0.1, 0.0, 0.0]]))
+    moving = Obstacles.of_spheres(np.zeros((1, 3)), np.array([0.1]), np.array([[0.1, 0.0, 0.0]]), time=0.0)
     assert required.margin(moving) == 0.01
     assert required.margin(moving, 0.01) == 0.005
     assert required.margin(standing) == 0.0

@@ -258,7 +258,11 @@ POSITIONS = offered(TIMES)[0]
         (TIMES[:5], POSITIONS, None, "the trajectory has 5 times and 16 positions"),
         (TIMES, changed(POSITIONS, (3, 1), np.nan), None, "point 3: the position of 'panda_joint2' is nan"),
         (TIMES[::-1], POSITIONS, None, "point 1 comes at"),
-        (TIMES, POSITIONS, np.inf, "the trajectory begins at inf s"),
+        (TIMES, POSITIONS, np.inf, "begin [s] is inf"),
+        (TIMES, POSITIONS, "now", "begin [s] is 'now': a real number is needed"),
+        (TIMES, POSITIONS, np.zeros(1), "begin [s] is array([0.]): a real number is needed"),
+        (TIMES, POSITIONS, True, "begin [s] is True: a real number is needed"),
+        (TIMES, np.ma.masked_less(POSITIONS, -1.0), None, "positions has masked values"),
         (TIMES, changed(POSITIONS, (4, 3), 0.5), None, "point 4 takes 'panda_joint4' to 0.500 rad, beyond its limit"),
         (TIMES, changed(POSITIONS, (4, 0), 0.4), None, "'panda_joint1' would move at"),
         (1e6 * TIMES, POSITIONS, None, "the trajectory lasts 5e+05 s, at most 600 s may be"),
@@ -294,6 +298,13 @@ def test_no_trajectory_whatever_is_in_it_raises_or_breaks_a_limit(motion_filter:
 def test_a_detour_needs_to_know_what_stands_around_the_arm() -> None:
     with pytest.raises(ParameterError, match="declare what stands around the arm"):
         MotionFilter("panda", recover="detour")
+
+
+def test_what_the_filter_does_not_know_is_refused_by_name() -> None:
+    with pytest.raises(ParameterError, match="recover = 'Detour': expected one of wait, detour"):
+        MotionFilter("panda", DeclaredScene.empty(), recover="Detour")  # type: ignore[arg-type]
+    with pytest.raises(ParameterError, match="scene = 'table': a DeclaredScene is needed"):
+        MotionFilter("panda", "table")  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize("recover", ["detour", "wait"])

@@ -21,7 +21,7 @@ HERE, THERE = np.zeros(7), np.ones(7)
 
 
 def sphere(height: float = 0.0, speed: float = 0.0) -> Obstacles:
-    return Obstacles.of_spheres(np.array([[0.0, 0.0, height]]), np.array([0.1]), np.array([[speed, 0.0, 0.0]]))
+    return Obstacles.of_spheres(np.array([[0.0, 0.0, height]]), np.array([0.1]), np.array([[speed, 0.0, 0.0]]), 0.0)
 
 
 QUERY, OTHER = object(), object()

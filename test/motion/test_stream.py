@@ -89,7 +89,7 @@ def stopped(stream: Stream, situation: Situation) -> Plan:
 def ball(posture: np.ndarray, velocity: np.ndarray | None = None, radius: float = 0.05) -> Obstacles:
     """A sphere around the tool of a posture (eta,)."""
     hand, _ = ROBOT.forward(posture)
-    return Obstacles.of_spheres(hand[None], np.array([radius]), None if velocity is None else velocity[None])
+    return Obstacles.of_spheres(hand[None], np.array([radius]), None if velocity is None else velocity[None], time=0.0)
 
 
 def test_a_switch_is_no_nearer_to_a_knot_than_knots_may_be() -> None:

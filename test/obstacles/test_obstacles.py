@@ -222,12 +222,13 @@ def test_places_where_what_moves_may_stop_leave_nothing_out_since_it_was_seen(se
 def test_where_an_obstacle_may_stop_does_not_depend_on_when_others_were_seen() -> None:
     """A sphere just detected, beside one of a slow camera that is far away."""
     near = replace(
-        Obstacles.of_spheres(np.zeros((1, 3)), np.array([0.05]), np.array([[0.3, 0.0, 0.0]])),
+        Obstacles.of_spheres(np.zeros((1, 3)), np.array([0.05]), np.array([[0.3, 0.0, 0.0]]), time=0.0),
         ages=np.array([0.005]), velocity_errors=np.array([0.3]),
     )  # fmt: skip
     both = replace(
         Obstacles.of_spheres(
-            np.array([[0.0, 0.0, 0.0], [5.0, 0.0, 0.0]]), np.full(2, 0.05), np.array([[0.3, 0.0, 0.0], [0.1, 0.0, 0.0]])
+            [[0.0, 0.0, 0.0], [5.0, 0.0, 0.0]], [0.05, 0.05], [[0.3, 0.0, 0.0], [0.1, 0.0, 0.0]],
+            0.0,
         ),
         ages=np.array([0.005, 0.8]), velocity_errors=np.array([0.3, 0.0]),
     )  # fmt: skip

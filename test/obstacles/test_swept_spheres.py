@@ -18,7 +18,7 @@ def motion(seed: int) -> tuple[np.ndarray, np.ndarray, Obstacles]:
     times = np.append(0.0, np.cumsum(random.uniform(0.05, 0.2, 6)))
     placed = np.cumsum(random.normal(scale=0.1, size=(len(times), 3, 3)), axis=0)
     places, velocities = random.normal(scale=0.4, size=(2, 5, 3))
-    return times, placed, Obstacles.of_spheres(places, random.uniform(0.02, 0.1, 5), velocities)
+    return times, placed, Obstacles.of_spheres(places, random.uniform(0.02, 0.1, 5), velocities, time=0.0)
 
 
 def densely(times: np.ndarray, placed: np.ndarray, shares: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -104,7 +104,7 @@ class Draw:
             Obstacles.none,
             lambda: Obstacles.of_spheres(centres, 0.1 * radii),
             lambda: Obstacles.of_spheres(centres, radii),
-            lambda: Obstacles.of_spheres(centres, 0.1 * radii, velocities),
+            lambda: Obstacles.of_spheres(centres, 0.1 * radii, velocities, time=0.0),
             lambda: Obstacles.one_of_each(centres[0], velocities[0], 0.0),
             lambda: Obstacles.of_spheres(centres * 10.0 ** random.uniform(0.0, 3.0), radii),
             lambda: Obstacles.of_spheres(centres, radii * 10.0 ** random.uniform(0.0, 3.0)),

@@ -137,7 +137,7 @@ class MovingBench:
     def spheres(self, motion: Motion, count: int, random: np.random.Generator) -> Obstacles:
         """So many spheres that cross a motion, as it begins at time 0."""
         if count == 0:
-            return Obstacles.of_spheres(_FAR[None], np.array([_RADII[1]]), _FAR_VELOCITY[None])
+            return Obstacles.of_spheres(_FAR[None], np.array([_RADII[1]]), _FAR_VELOCITY[None], time=0.0)
         rows: list[np.ndarray] = []
         while len(rows) < count:
             share, speed, radius = (random.uniform(*limits) for limits in (_SHARES, _SPEEDS, _RADII))
@@ -145,11 +145,11 @@ class MovingBench:
             velocity = speed * direction / np.linalg.norm(direction)
             crossed = motion.tool[int(share * (len(motion.tool) - 1))] + random.uniform(-0.5, 0.5, 3) * radius
             centre = crossed - share * motion.duration * velocity
-            sphere = Obstacles.of_spheres(centre[None], np.array([radius]), velocity[None])
+            sphere = Obstacles.of_spheres(centre[None], np.array([radius]), velocity[None], time=0.0)
             if obstacle_clearance(self.planner.collision, self.planner.robot, motion.start, sphere)[0] > _ROOM:
                 rows.append(np.concatenate([centre, [radius], velocity]))
         table = np.stack(rows)
-        return Obstacles.of_spheres(table[:, :3].copy(), table[:, 3].copy(), table[:, 4:].copy())
+        return Obstacles.of_spheres(table[:, :3].copy(), table[:, 3].copy(), table[:, 4:].copy(), time=0.0)
 
     def ticks(self, motion: Motion, obstacles: Obstacles, into: MovingTicks, compared: int) -> None:
         """Play a motion among spheres; so many of its searches are made again beside their alternatives."""

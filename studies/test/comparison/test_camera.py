@@ -215,7 +215,7 @@ def test_ours_goes_by_the_errors_of_the_tracker(arena, scene, monkeypatch) -> No
     monkeypatch.setattr(ReactivePlanner, "take_obstacles", lambda planner, obstacles: taken.append(obstacles))
     ours = Geodesics(arena, planner=COARSE)
     ours.reset(scene)
-    true = Obstacles.of_spheres(IN_VIEW[None], np.array([RADIUS]), VELOCITY[None])
+    true = Obstacles.of_spheres(IN_VIEW[None], np.array([RADIUS]), VELOCITY[None], time=0.0)
     true = replace(true, velocity_errors=np.array([0.2]))
     for obstacles in (true, replace(true, ages=np.array([DELAY]))):
         ours.tick(0.0, obstacles)

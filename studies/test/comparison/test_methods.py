@@ -238,7 +238,7 @@ def test_barriers_evade_what_comes(arena, scene) -> None:
     apart = configuration_clearance(arena.collision, arena.robot, scene.start, beside[None], np.array([0.05]))[0]
 
     def moved(speed: float) -> float:
-        seen = Obstacles.of_spheres(beside[None], np.array([0.05]), np.array([[0.0, -speed, 0.0]]))
+        seen = Obstacles.of_spheres(beside[None], np.array([0.05]), np.array([[0.0, -speed, 0.0]]), time=0.0)
         answer = first_answer(method, still, seen)
         assert not answer.refusal
         return float(np.max(np.abs(answer.waypoints.positions[0] - scene.start)))

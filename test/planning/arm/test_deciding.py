@@ -106,7 +106,7 @@ def test_to_decide_writes_neither_to_the_planner_nor_to_its_solver(stream, start
     """
     planner = stream.planner
     hand, _ = planner.robot.forward(goal)
-    coming = Obstacles.of_spheres(np.array([hand]), np.array([0.05]), np.array([[0.0, 0.1, 0.0]]))
+    coming = Obstacles.of_spheres(np.array([hand]), np.array([0.05]), np.array([[0.0, 0.1, 0.0]]), time=0.0)
     unfinished = written = 0
     covering = Obstacles.of_spheres(hand[None], np.array([0.05]))
     for obstacles in (Obstacles.none(), coming, wall(planner, start, goal), covering):

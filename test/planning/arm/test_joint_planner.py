@@ -145,7 +145,7 @@ def test_a_motion_is_as_fast_as_was_shown_but_where_what_moves_would_meet_it(rea
     # From below, halfway in the slow motion.
     when, velocity = 0.5 * shown.reference.duration, np.array([0.0, 0.0, 0.4])
     place, _ = planner.robot.forward(shown.reference.sample(when)[0])
-    ball = Obstacles.of_spheres((place - when * velocity)[None], np.array([0.04]), velocity[None])
+    ball = Obstacles.of_spheres((place - when * velocity)[None], np.array([0.04]), velocity[None], time=0.0)
     passed = solved("demonstrated", ball)
     assert passed.verdict.ok
     assert passed.reference.duration < 1.3 * fastest.reference.duration
@@ -286,7 +286,7 @@ def test_nothing_is_planned_before_there_is_a_state_and_a_goal(reach_skill, plan
 )
 def test_bad_obstacles_are_refused_and_the_old_ones_stay(stream, on_elbow, centres, radii, velocities, said) -> None:
     stream.planner.set_obstacles(*on_elbow)
-    verdict = stream.planner.set_obstacles(np.array(centres), np.array(radii), velocities)
+    verdict = stream.planner.set_obstacles(np.array(centres), np.array(radii), velocities, time=0.0)
     assert verdict.code is VerdictCode.BAD_INPUT
     assert said in verdict.reason
     assert np.isfinite(stream.planner.tick(0.0).verdict.figures.clearance)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import torch
@@ -33,9 +35,36 @@ def test_obstacles_of_no_time_are_refused_and_the_old_ones_stay(stream, on_elbow
     assert planner.set_obstacles(centres, radii, velocities, time=1.8e9).ok
     assert planner.set_obstacles(*on_elbow).ok
     before = planner.obstacles
-    assert "time of the obstacles [s]" in refused(planner.set_obstacles(centres, radii, velocities, time=time))
-    assert "time of the obstacles" in refused(planner.take_obstacles(Obstacles.of_spheres(centres, radii, None, time)))
+    moving = replace(Obstacles.of_spheres(centres, radii, velocities, 0.0), time=time)
+    assert "time of the obstacles [s]" in refused(planner.take_obstacles(moving))
+    if time is not None:
+        assert "time of the obstacles" in refused(planner.set_obstacles(centres, radii, velocities, time))
     assert planner.obstacles is before
+
+
+def test_obstacles_that_move_need_a_time_and_those_that_stand_do_not(stream, on_elbow) -> None:
+    planner, (centres, radii) = stream.planner, on_elbow
+    assert planner.set_obstacles(centres, radii, np.zeros((1, 3))).ok
+    before = planner.obstacles
+    assert "the time [s] at which they are there is not given" in refused(
+        planner.set_obstacles(centres, radii, np.full((1, 3), 0.1))
+    )
+    assert refused(planner.take_obstacles(None)) == "obstacles are None: Obstacles are needed"
+    assert planner.obstacles is before
+
+
+@pytest.mark.parametrize("kind", ["f2", ">f4", ">f8", "g", "i4", "F"])
+def test_obstacles_in_any_kind_of_number_are_those_in_doubles(stream, nominal, kind) -> None:
+    """Kernels are compiled for doubles, row by row: others would be compiled anew in the control loop, or not at all.
+    """
+    planner, centres = stream.planner, np.array([[1.0, 1.0, 0.0], [-1.0, 1.0, 0.0]])
+    other = np.asfortranarray(centres) if kind == "F" else centres.astype(kind)
+    plain = Obstacles.of_spheres(centres, [1.0, 1.0])
+    assert planner.take_obstacles(replace(plain, centres=other, radii=np.ones(2).astype(other.dtype))).ok
+    taken = planner.obstacles
+    assert taken.centres.dtype == taken.radii.dtype == np.dtype(float)
+    assert taken.centres.flags.c_contiguous
+    assert taken.same_places(plain)
 
 
 @pytest.mark.parametrize(
@@ -58,7 +87,7 @@ def test_obstacles_of_another_shape_are_refused_not_made_to_fit(stream, on_elbow
     planner = stream.planner
     planner.set_obstacles(*on_elbow)
     before = planner.obstacles
-    assert said in refused(planner.set_obstacles(centres, radii, velocities))
+    assert said in refused(planner.set_obstacles(centres, radii, velocities, time=0.0))
     assert planner.obstacles is before
     assert planner.set_obstacles([], []).ok
     assert planner.set_obstacles(torch.zeros(1, 3), [0.05]).ok
