@@ -144,7 +144,7 @@ class MotionFilter(StreamingPlanner[FilteredArm]):
             return offer
         objection, state = self._joining_objection(offer), self.commanded_state(self._soonest(offer))
         if objection and state is not None and self.robot.is_continuous.any():
-            # Whoever counts turns otherwise means the same places.
+            # Who counts turns otherwise means the same places.
             offer = offer.in_turn(self.robot, state[0])
             objection = self._joining_objection(offer)
         if objection:

@@ -72,7 +72,7 @@ class Obstacles:
     ) -> Obstacles:
         """Spheres alone, centres (o, 3) and radii (o,) [m], which stand where no velocities (o, 3) [m/s] are given.
 
-        time : when they are there [s], by the clock that tells whoever takes them the time; 0 where none moves.
+        time : when they are there [s], by the clock of the planner that takes them; 0 where none moves.
 
         Raises
         ------

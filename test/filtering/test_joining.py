@@ -92,7 +92,7 @@ def endless(tmp_path_factory: pytest.TempPathFactory) -> MotionFilter:
 
 
 @pytest.mark.parametrize("turns", [-1, 0, 3])
-def test_whoever_counts_turns_otherwise_or_wraps_them_means_the_same_places(endless: MotionFilter, turns: int) -> None:
+def test_turns_that_are_counted_otherwise_or_wrapped_are_the_same_places(endless: MotionFilter, turns: int) -> None:
     begin, times = endless.robot.ready.copy(), np.linspace(0.0, 1.0, 31)
     begin[-1] = 3.0
     path = np.tile(begin, (31, 1))
