@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from geodesic_motion_ros.certification.declared_scene import DeclaredScene
     from geodesic_motion_ros.contract.settings import PlannerSettings
+    from geodesic_motion_ros.contract.status import Refusal, VerdictCode
     from geodesic_motion_ros.demonstrations.demonstrations import Demonstrations
     from geodesic_motion_ros.filtering.motion_filter import MotionFilter
     from geodesic_motion_ros.obstacles.obstacles import Obstacles
@@ -18,8 +19,8 @@ if TYPE_CHECKING:
     from geodesic_motion_ros.skill.skill import Skill
 
 __all__ = [
-    "DeclaredScene", "Demonstrations", "MotionFilter", "Obstacles", "PlannerSettings", "ReactivePlanner", "Robot",
-    "Skill",
+    "DeclaredScene", "Demonstrations", "MotionFilter", "Obstacles", "PlannerSettings", "ReactivePlanner", "Refusal",
+    "Robot", "Skill", "VerdictCode",
 ]  # fmt: skip
 
 _MODULES = {
@@ -29,8 +30,10 @@ _MODULES = {
     "Obstacles": "obstacles.obstacles",
     "PlannerSettings": "contract.settings",
     "ReactivePlanner": "planning.planner",
+    "Refusal": "contract.status",
     "Robot": "robot.kinematics",
     "Skill": "skill.skill",
+    "VerdictCode": "contract.status",
 }
 
 

@@ -198,8 +198,10 @@ class MotionFilter(StreamingPlanner[FilteredArm]):
     def _decide(self, situation: Situation) -> Plan:
         before, time = (self._active, self._attempted, self._waiting), situation.state.time
         begun = [offer for offer in self._waiting if _begins_before(offer, time + TIME_ROUNDING)]
-        if begun and not (_evades(situation) or (begun[-1].ends_in_motion and self._passes_around(situation))):
-            self._active, self._waiting = begun[-1], self._waiting[len(begun) :]
+        if begun:
+            newest, later = begun[-1], self._waiting[len(begun) :]
+            waits = _evades(situation) or (newest.ends_in_motion and self._passes_around(situation))
+            self._active, self._waiting = (self._active, (newest, *later)) if waits else (newest, later)
         step = self._step(situation)
         free = step.plan.verdict.ok or step.plan.verdict.code is VerdictCode.NO_GOAL
         self._blocked_since = math.inf if free else min(self._blocked_since, situation.now)

@@ -291,7 +291,8 @@ class StreamingPlanner(ABC, Generic[Arm]):
         return Verdict(reason=f"holding {names or 'nothing'}")
 
     def stand_at(self, configuration: np.ndarray, now: float) -> Plan:
-        """Begin the stream anew: the arm stands in a configuration (eta,) [rad] at `now` [s]. What it is to do stays.
+        """Begin the stream anew: the arm stands in a configuration (eta,) [rad] at `now` [s]. A goal stays; a filter
+        forgets what was offered.
 
         The plan's reference stays there. BAD_INPUT names the joint that is not finite or outside its limits, or a time
         that is none; then nothing changes.
