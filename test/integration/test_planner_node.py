@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import threading
+from operator import attrgetter
 
 import numpy as np
 import pytest
@@ -211,15 +212,15 @@ class TestFaults:
         assert moving.status()["code"] == "OK"
 
     @pytest.mark.parametrize(
-        ("kind", "service", "inside"),
-        [(SetBool, "hold", "request_hold"), (Trigger, "clear_obstacles", "clear_obstacles")],
+        ("kind", "service", "part", "inside"),
+        [(SetBool, "hold", "inputs", "request_hold"), (Trigger, "clear_obstacles", "inputs.obstacles", "clear")],
     )
-    def test_in_a_service(self, ready, monkeypatch, kind, service, inside):
+    def test_in_a_service(self, ready, monkeypatch, kind, service, part, inside):
         def fail(*arguments):
             raise ZeroDivisionError
 
         with monkeypatch.context() as patch:
-            patch.setattr(ready.planner.inputs, inside, fail)
+            patch.setattr(attrgetter(part)(ready.planner), inside, fail)
             answer = ready.call(kind, f"planner/{service}", kind.Request())
         assert not answer.success
         assert answer.message == "internal error, see the log: ZeroDivisionError()"
