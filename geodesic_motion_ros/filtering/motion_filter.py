@@ -142,11 +142,14 @@ class MotionFilter(StreamingPlanner[FilteredArm]):
         """
         if isinstance(offer, Refusal):
             return offer
-        objection, state = self._joining_objection(offer), self.commanded_state(self._soonest(offer))
-        if objection and state is not None and self.robot.is_continuous.any():
+        state = self.commanded_state(self._soonest(offer))
+        if state is None:
+            return Refusal(VerdictCode.BAD_INPUT, "where the arm stands is not known yet")
+        objection = self._joining_objection(offer, *state[:2])
+        if objection and self.robot.is_continuous.any():
             # Who counts turns otherwise means the same places.
             offer = offer.in_turn(self.robot, state[0])
-            objection = self._joining_objection(offer)
+            objection = self._joining_objection(offer, *state[:2])
         if objection:
             return Refusal(VerdictCode.BAD_INPUT, objection)
         before = () if offer.begin is None else (one for one in self._waiting if _begins_before(one, offer.begin))
@@ -158,9 +161,10 @@ class MotionFilter(StreamingPlanner[FilteredArm]):
         soonest = self._ticked + self.latency
         return soonest if offer.begin is None else max(soonest, offer.begin)
 
-    def _joining_objection(self, offer: Offer) -> str:
-        """Why an offer cannot be joined; "" where it can."""
-        at = self._soonest(offer)
+    def _joining_objection(self, offer: Offer, position: np.ndarray, velocity: np.ndarray) -> str:
+        """Why an arm cannot join an offer at the soonest; "" where it can. position, velocity : (eta,) [rad], [rad/s]
+        then.
+        """
         if offer.begin is not None:
             if offer.begin + offer.duration <= self._ticked + self.latency:
                 late = self._ticked - offer.begin - offer.duration
@@ -169,10 +173,7 @@ class MotionFilter(StreamingPlanner[FilteredArm]):
             if offer.begin > self._ticked + LATEST_BEGIN:
                 wait = offer.begin - self._ticked
                 return f"the trajectory begins in {wait:.0f} s, at most {LATEST_BEGIN:g} s may be"
-        state = self.commanded_state(at)
-        if state is None:
-            return "where the arm stands is not known yet"
-        position, velocity, _ = state
+        at = self._soonest(offer)
         progress = 0.0 if at == offer.begin else self._joined_at(offer, position, velocity, at)
         return joining_objection(self.robot, self.limits, offer, position, progress)
 
@@ -317,12 +318,13 @@ class MotionFilter(StreamingPlanner[FilteredArm]):
         blocked = refusal.code in (VerdictCode.NO_FEASIBLE_PATH, VerdictCode.IN_COLLISION)
         if not (may_leave and blocked) or situation.obstacles.is_static:
             return None
-        question, undisplaced = Question(offer, situation.obstacles), self.robot.forward(offer.at(progress))[0]
+        question = Question(offer, situation.obstacles)
         for required in (situation.requirements.evasion, situation.requirements.beside_graph):
             if situation.satisfies_without_evasion(required):
                 return None
             if not is_due(self._not_evaded.get(required), question, situation.now, SEARCH_PERIOD):
                 continue
+            undisplaced, _ = self.robot.forward(offer.at(progress))
             plan = evasion_beside(
                 self._arm.solver, required, np.array([progress]), situation.state, situation.expected_obstacles,
                 situation.stop.reference, undisplaced, self._reach, self._workings, situation.deadline,
@@ -333,11 +335,11 @@ class MotionFilter(StreamingPlanner[FilteredArm]):
                 plan = replace(plan, verdict=refusal.with_remark(EVADING))
                 begun = FollowedPlan.of(offer, plan, situation.obstacles, situation.now, Purpose.EVASION)
                 return situation.hand_out(plan, begun)
+            # The next tick resumes a search that was out of time.
+            if required not in self._workings.evasions:
+                self._not_evaded[required] = PastSearch(question, situation.now)
             if situation.deadline.passed:
-                # The next tick resumes it.
-                self._not_evaded.pop(required, None)
                 return None
-            self._not_evaded[required] = PastSearch(question, situation.now)
         return None
 
     def _around(self, situation: Situation, offer: Offer, progress: float) -> Step | None:

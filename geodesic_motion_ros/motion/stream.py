@@ -65,7 +65,7 @@ class Stream:
             played = self._played_before
         return played.reference.sample(time - played.begin)
 
-    def moves(self, now: float) -> bool:
+    def is_moving(self, now: float) -> bool:
         """Tell whether a motion is being played at `now` [s]."""
         played = self.played
         return played is not None and played.begin <= now < played.end
@@ -75,7 +75,7 @@ class Stream:
         time of that knot; None where no motion is known, or it is over.
         """
         played = self.played
-        if played is None or not self.moves(now):
+        if played is None or not self.is_moving(now):
             return None
         knot = played.knot_before(now)
         return played.reference.rest(knot - played.begin), knot

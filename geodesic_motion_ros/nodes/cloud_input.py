@@ -1,4 +1,4 @@
-"""The point clouds of a camera: each is taken where the arm was at its stamp, in a thread of its own.
+"""Hear of point clouds: a thread of its own works out what each shows.
 
 The arm is taken out of a cloud where it was measured at the cloud's stamp, and so is what always stands around it.
 """
@@ -33,7 +33,7 @@ _LOOK = 0.005
 
 
 class CloudInput:
-    """What the newest point cloud shows.
+    """The point clouds of a camera, the newest first.
 
     Attributes
     ----------

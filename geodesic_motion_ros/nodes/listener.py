@@ -1,4 +1,4 @@
-"""How a node hears: by what clock, in which frame, and what becomes of messages that are refused, or have to wait."""
+"""Hear messages: by a clock, in a frame, noting those that are refused, and in turn where some wait for a transform."""
 
 from __future__ import annotations
 
@@ -17,11 +17,11 @@ from geodesic_motion_ros.nodes.refusals import RefusalLog
 
 
 class Listener:
-    """What all inputs of a node share.
+    """Subscribe for all inputs of a node, which share clock, frames and refusals.
 
     Attributes
     ----------
-    base_frame : into which all is taken that is heard. frames : tells where other frames stand.
+    base_frame : what is heard is taken into this frame. frames : tells where other frames stand.
     late : has messages wait for transforms. refusals : counts what is refused. time : tells the time.
     """
 

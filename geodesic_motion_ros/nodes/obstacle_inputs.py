@@ -1,4 +1,4 @@
-"""What a node hears of obstacles, and of what the hand holds: each topic is checked, and put together."""
+"""Hear of obstacles, and of what the hand holds, on every topic: messages are checked, and put together."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ SCENE = "planning_scene"
 
 
 class KnownObstacles(NamedTuple):
-    """What is known of obstacles and of the hand, as `CycleInputs` has it."""
+    """Obstacles and held objects that are known at a time, as `CycleInputs` has them."""
 
     obstacles: ObstacleSet
     silent_sources: dict[str, float]

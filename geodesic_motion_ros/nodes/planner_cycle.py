@@ -515,7 +515,7 @@ class PlannerCycle:
     def _sent_to_stand(self, inputs: CycleInputs) -> np.ndarray | None:
         """Where the arm was sent to rest (eta,) [rad]; None while it is sent to move."""
         commanded = self.planner.commanded_state(inputs.now)
-        if commanded is None or self.planner.moves(inputs.now) or np.any(commanded[1]):
+        if commanded is None or self.planner.is_moving(inputs.now) or np.any(commanded[1]):
             return None
         return commanded[0]
 

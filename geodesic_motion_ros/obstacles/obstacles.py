@@ -146,7 +146,7 @@ class Obstacles:
         return self._only(np.all(spheres, axis=0), np.array(solids, dtype=bool), cloud)
 
     def as_floats(self) -> Obstacles:
-        """With arrays of doubles, row by row, as kernels are compiled for."""
+        """Return the same in arrays of doubles, row by row, for which kernels are compiled."""
         arrays = {name: getattr(self, name) for name in _SHAPES}
         other: dict[str, Any] = {
             name: np.ascontiguousarray(array, dtype=float)

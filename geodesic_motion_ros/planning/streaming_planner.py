@@ -348,10 +348,10 @@ class StreamingPlanner(ABC, Generic[Arm]):
         check_time("time", time)
         return self._stream.commanded_state(time)
 
-    def moves(self, now: float) -> bool:
+    def is_moving(self, now: float) -> bool:
         """Tell whether a motion is being played at `now` [s]; PlanningError where that is no time."""
         check_time("now", now)
-        return self._stream.moves(now)
+        return self._stream.is_moving(now)
 
     def remaining_motion(self, now: float) -> tuple[JointReference, float] | None:
         """Return the rest of the motion that is being played, from its last knot at or before `now` [s] on, and the

@@ -146,8 +146,8 @@ class Robot:
         return np.where(self.is_continuous, joint_positions + 2.0 * np.pi * turns, joint_positions)
 
     def unwrapped(self, path: np.ndarray) -> np.ndarray:
-        """Joint positions (m, n) with continuous joints turned by whole turns, each as near as can be to the one before
-        [rad].
+        """Return joint positions (m, n) with continuous joints turned by whole turns, each as near as can be to the one
+        before [rad].
         """
         return np.where(self.is_continuous, np.unwrap(path, axis=0), path) if self.is_continuous.any() else path
 

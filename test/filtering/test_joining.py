@@ -78,6 +78,38 @@ def test_a_later_trajectory_is_judged_by_where_the_arm_is_to_be_then(filtering: 
     np.testing.assert_allclose(filtering.positions[-1], BEGIN, atol=1e-6)
 
 
+def test_a_newer_trajectory_takes_the_place_of_those_that_begin_after_it(filtering: Filtering) -> None:
+    times = np.linspace(0.0, DURATION, 76)
+    assert filtering.filter.offer(times, offered(times)[0], begin=0.5).ok
+    assert filtering.filter.offer(np.zeros(1), BEGIN[None] + 0.1, begin=0.3).ok
+    filtering.run(3.0)
+    np.testing.assert_allclose(filtering.positions[-1], BEGIN + 0.1, atol=1e-6)
+
+
+def test_an_arm_at_a_joints_end_comes_back_by_points_that_are_a_hundredth_inside_it(filtering: Filtering) -> None:
+    robot, times = filtering.filter.robot, np.linspace(0.0, 1.0, 31)
+    begin = BEGIN.copy()
+    begin[1] = robot.lower[1] + 0.005
+    filtering.filter.stand_at(begin, 0.0)
+    inwards = begin + 0.3 * (np.sin(0.5 * np.pi * times) ** 2)[:, None] * np.eye(7)[1]
+    refused = filtering.filter.offer(times, inwards)
+    assert refused.code is VerdictCode.BAD_INPUT
+    assert "point 0 takes 'panda_joint2'" in refused.reason
+    inside = np.maximum(inwards, robot.lower + 0.011)
+    assert filtering.filter.offer(times, inside).ok
+    filtering.run(2.0)
+    np.testing.assert_allclose(filtering.positions[-1], inwards[-1], atol=1e-6)
+
+
+def test_to_withdraw_before_anything_was_handed_out_changes_nothing() -> None:
+    motion_filter = MotionFilter("panda", DeclaredScene.empty())
+    motion_filter.withdraw()
+    motion_filter.stand_at(BEGIN, 0.0)
+    motion_filter.withdraw()
+    assert motion_filter.tick(0.01).verdict.code is VerdictCode.NO_GOAL
+    np.testing.assert_array_equal(motion_filter.commanded_state(0.01)[0], BEGIN)
+
+
 @pytest.fixture(scope="module")
 def endless(tmp_path_factory: pytest.TempPathFactory) -> MotionFilter:
     """A filter of an arm whose last joint turns without an end."""

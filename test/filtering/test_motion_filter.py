@@ -10,10 +10,13 @@ import pytest
 from geodesic_motion_ros.certification.arm_clearance import obstacle_clearance
 from geodesic_motion_ros.certification.declared_scene import DeclaredScene
 from geodesic_motion_ros.contract.mode import Mode
+from geodesic_motion_ros.contract.requirement import Requirement, Requirements
 from geodesic_motion_ros.contract.settings import EVASION_DISPLACED_WITHIN
 from geodesic_motion_ros.contract.status import VerdictCode
 from geodesic_motion_ros.filtering.motion_filter import MotionFilter, Recovery
+from geodesic_motion_ros.filtering.offer_solver import OfferSolver
 from geodesic_motion_ros.obstacles.obstacles import Obstacles
+from geodesic_motion_ros.utils.deadline import NEVER, Deadline
 from geodesic_motion_ros.utils.errors import ParameterError
 from geodesic_motion_studies.experiments.wild_chunks import offer_wild
 from test.filtering.conftest import BEGIN, DURATION, MOVED, Filtering, offered
@@ -224,6 +227,33 @@ def test_a_trajectory_that_begins_later_is_waited_for(filtering: Filtering) -> N
     assert "begins in" in plan.verdict.reason
     filtering.run(DURATION + 0.5)
     np.testing.assert_allclose(filtering.positions[-1], BEGIN + MOVED, atol=1e-6)
+
+
+@pytest.mark.parametrize("in_time", [True, False])
+def test_where_no_place_is_free_for_long_one_that_is_free_for_now_is_searched_in_the_end(
+    in_time: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """However slow the machine: a search that has come to its end is over, though its tick is late."""
+    searched: list[float] = []
+
+    def found_none(judge: OfferSolver, requirement: Requirement, *rest: object) -> None:
+        searched.append(requirement.horizon)
+
+    monkeypatch.setattr("geodesic_motion_ros.filtering.motion_filter.evasion_beside", found_none)
+    filtering = Filtering(MotionFilter("panda", DeclaredScene.empty(), recover="detour"))
+    filtering.filter.stand_at(BEGIN, 0.0)
+    times, centre = np.linspace(0.0, DURATION, 76), halfway(filtering)
+    assert filtering.filter.offer(times, offered(times)[0]).ok
+    requirements = Requirements.of(filtering.filter.settings)
+    for tick in range(20):
+        # It stands on the path, and another one comes to the arm, which it meets in a third of a second.
+        hand, _ = filtering.filter.robot.forward(BEGIN)
+        both = np.stack([centre, hand + [0.0, 0.0, 0.3 - 0.004 * tick]])
+        velocities = [[0.0, 0.0, 0.0], [0.0, 0.0, -0.4]]
+        filtering.filter.observe(Obstacles.of_spheres(both, [0.06, 0.04], velocities, 0.01 * tick))
+        late = Deadline(-1.0, lambda: 0.0)
+        filtering.filter.tick(0.01 * tick, NEVER if in_time else late)
+    assert {requirements.evasion.horizon, requirements.beside_graph.horizon} == set(searched)
 
 
 def test_a_stop_that_is_requested_is_one_and_the_trajectory_is_forgotten_with_clear_goal(

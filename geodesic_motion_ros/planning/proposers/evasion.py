@@ -73,10 +73,11 @@ class Evasion(Proposer):
                 plan = self.on_graph(*given, workings, deadline)
             if plan is not None:
                 return _begun(replace(turn, memory=replace(turn.memory, past_searches=searches)), plan)
+            # The next tick resumes a search that was out of time.
+            if getattr(situation.requirements, required) not in workings.evasions:
+                searches = {**searches, required: PastSearch(Question(turn.query, situation.obstacles), situation.now)}
             if deadline.passed:
-                # A path that was not found for want of time is searched again in the next tick.
                 break
-            searches = {**searches, required: PastSearch(Question(turn.query, situation.obstacles), situation.now)}
             free, required = _assessed(turn, searches)
         # Where a search came to its end and found nothing, the arm stops in time.
         goes_on = situation.evades_for_now if situation.deadline.passed else free and situation.is_evading

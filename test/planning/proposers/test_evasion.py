@@ -38,13 +38,14 @@ NO_PATH = Refusal(VerdictCode.NO_FEASIBLE_PATH, "no path")
 @dataclass
 class OneEvasionPath:
     """In the place of the searches of evasions: a turn to the side, on the graph or beside it, where there is one, and
-    how often it is asked for.
+    how often it is asked for, and the time [s] of the tick, which each search takes whole.
     """
 
     found: bool = True
     found_beside: bool = False
     asked: int = 0
     asked_beside: int = 0
+    passed: float = 0.0
 
     def evade(
         self,
@@ -57,6 +58,7 @@ class OneEvasionPath:
         deadline: Deadline,
     ) -> Plan | None:
         self.asked += 1
+        self.passed = 1.0
         return self._turn(state, obstacles, SETTINGS.prediction) if self.found else None
 
     def evade_displaced(
@@ -115,10 +117,13 @@ class Arm:
         step = self.situation(now, obstacles).go_on_evading()
         return None if step is None else step.plan
 
-    def situation(self, now: float, obstacles: Obstacles, handover_deadline: Deadline = NEVER) -> Situation:
+    def situation(
+        self, now: float, obstacles: Obstacles, handover_deadline: Deadline = NEVER, deadline: Deadline = NEVER
+    ) -> Situation:
         stream = self.stream
+        self.solver.passed = 0.0
         return Situation(
-            self.settings, LIMITS, CERTIFIER, stream.played, stream.followed, now, obstacles,
+            self.settings, LIMITS, CERTIFIER, stream.played, stream.followed, now, obstacles, deadline,
             handover_deadline=handover_deadline, reach=self.reach,
         )  # fmt: skip
 
@@ -214,6 +219,17 @@ def test_where_what_comes_late_cannot_be_evaded_what_comes_soon_is_evaded_at_onc
     assert (arm.solver.asked, arm.solver.asked_beside) == (1, 0)
     arm.plan(0.03, coming(0.3, 0.03))
     assert (arm.solver.asked, arm.solver.asked_beside) == (1, 1)
+
+
+def test_a_search_that_ends_late_is_over_and_the_next_tick_searches_beside_the_graph() -> None:
+    """However slow the machine: otherwise every tick would search the graph anew, and nothing beside it."""
+    arm = Arm()
+    arm.solver, arm.reach = OneEvasionPath(found=False), 0.2
+    deadline = Deadline(0.5, lambda: arm.solver.passed)
+    for tick in range(3):
+        turn = arm.evasion.propose(arm.turn(arm.situation(0.01 * tick, coming(0.4), deadline=deadline)))
+        arm.asked = turn.memory.past_searches
+        assert (arm.solver.asked, arm.solver.asked_beside) == (1, min(tick, 1))
 
 
 def test_no_evasion_path_is_searched_where_no_time_is_left_or_nothing_comes() -> None:
